@@ -97,11 +97,13 @@ DeviceConfig read_device_config(fastcycle::Context& context, double silence_s) {
                               .description = std::move(what)})
         .get();
   };
-  return {.retry_first_s = seconds("retry_first_s", standard.retry_first_s,
-                                   "Until a lost device is tried again; each time twice as long"),
-          .retry_max_s = seconds("retry_max_s", standard.retry_max_s, "The longest such wait"),
-          .silence_s = seconds("silence_s", silence_s,
-                               "A device that says nothing usable for longer is reported")};
+  return {
+      .retry_first_s =
+          seconds("retry_first_s", standard.retry_first_s,
+                  "Delay before the first retry of a lost device; it doubles with each retry"),
+      .retry_max_s = seconds("retry_max_s", standard.retry_max_s, "Maximum delay between retries"),
+      .silence_s = seconds("silence_s", silence_s,
+                           "Time without usable data after which the device is reported")};
 }
 
 void DeviceTrouble::set(std::string text) {

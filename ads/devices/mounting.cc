@@ -40,15 +40,16 @@ double read_mount_forward_m(fastcycle::Context& context) {
                       .min = -10.0,
                       .max = 10.0,
                       .unit = "m",
-                      .description = "Of the sensor before the vehicle's centre"})
+                      .description = "Distance of the sensor in front of the vehicle's centre"})
       .get();
 }
 
 double read_mount_height_m(fastcycle::Context& context) {
   return context
-      .param<double>(
-          "mount_height_m",
-          {.min = 0.0, .max = 10.0, .unit = "m", .description = "Of the sensor above the ground"})
+      .param<double>("mount_height_m", {.min = 0.0,
+                                        .max = 10.0,
+                                        .unit = "m",
+                                        .description = "Height of the sensor above the ground"})
       .get();
 }
 

@@ -28,9 +28,10 @@ CloudConfig read_config(fastcycle::Context& context) {
   config.rotation = read_mount_rotation(context);
   config.time_field =
       context
-          .param<std::string>("time_field", {.fallback = "",
-                                             .description = "Of the points' times; empty: the "
-                                                            "first that drivers usually have"})
+          .param<std::string>("time_field",
+                              {.fallback = "",
+                               .description = "Point field with the times of the points; empty: "
+                                              "the first common name that is present"})
           .get();
   config.turn =
       context
@@ -38,28 +39,28 @@ CloudConfig read_config(fastcycle::Context& context) {
                                 .names = {{"none", Turn::kNone},
                                           {"clockwise", Turn::kClockwise},
                                           {"counter_clockwise", Turn::kCounterClockwise}},
-                                .description = "How the sensor turns, seen from above, where "
-                                               "points have no times; none: all are of one moment"})
+                                .description = "Direction of rotation seen from above, if points "
+                                               "have no times; none: all have the same time"})
           .get();
   config.begin_rad = number(context, "begin_rad", std::numbers::pi, -std::numbers::pi,
-                            std::numbers::pi, "rad", "Where such a turn begins: an azimuth");
+                            std::numbers::pi, "rad", "Azimuth at which a revolution begins");
   config.turn_ns = std::llround(
-      1e6 * number(context, "turn_ms", 100.0, 1.0, 1000.0, "ms", "How long such a turn takes"));
+      1e6 * number(context, "turn_ms", 100.0, 1.0, 1000.0, "ms", "Duration of a revolution"));
   config.is_stamp_at_end =
       context
-          .param<bool>("stamp_at_end",
-                       {.fallback = false, .description = "The cloud's time is the turn's end"})
+          .param<bool>(
+              "stamp_at_end",
+              {.fallback = false, .description = "The cloud's stamp is the end of the revolution"})
           .get();
   config.rings = static_cast<std::uint32_t>(
       context
           .param<int>("rings", {.fallback = static_cast<int>(config.rings),
                                 .min = 1,
                                 .max = 256,
-                                .description = "Beams above each other, where points do not say "
-                                               "theirs"})
+                                .description = "Number of rings, if points have no ring field"})
           .get());
   config.intensity_max =
-      number(context, "intensity_max", 255.0, 1e-3, 1e6, "1", "The intensity that becomes 255");
+      number(context, "intensity_max", 255.0, 1e-3, 1e6, "1", "Intensity that is mapped to 255");
   return config;
 }
 

@@ -28,14 +28,15 @@ fastcycle::Param<double> metres(fastcycle::Context& context, std::string_view na
 Visualization::Visualization(fastcycle::Context& context)
     : Component(context),
       except_(context.param<std::vector<std::string>>(
-          "except",
-          {.fallback = std::vector<std::string>{}, .description = "Outputs that are not made"})),
+          "except", {.fallback = std::vector<std::string>{}, .description = "Outputs to omit"})),
       vehicle_frame_(context.param<std::string>(
           "vehicle_frame",
           {.fallback = "vehicle", .description = "The name of the vehicle's own frame"})),
-      points_every_(context.param<int>(
-          "points_every",
-          {.fallback = 1, .min = 1, .max = 1000, .description = "One of so many returns"})),
+      points_every_(
+          context.param<int>("points_every", {.fallback = 1,
+                                              .min = 1,
+                                              .max = 1000,
+                                              .description = "Every n-th lidar return is shown"})),
       length_m_(metres(context, "length_m", 4.5, "Of the vehicle")),
       width_m_(metres(context, "width_m", 1.8, "Of the vehicle")),
       height_m_(metres(context, "height_m", 1.5, "Of the vehicle")),
@@ -44,8 +45,8 @@ Visualization::Visualization(fastcycle::Context& context)
                          .min = -180.0,
                          .max = 180.0,
                          .unit = "deg",
-                         .description = "Latitude and longitude of (0, 0) of the map; empty: not "
-                                        "known, and there are no fixes"})),
+                         .description = "Latitude and longitude of the map's origin; empty: "
+                                        "unknown, and no fixes are published"})),
       clouds_(context.create_publisher<foxglove::PointCloud>("visualization/points")),
       objects_(context.create_publisher<foxglove::SceneUpdate>("visualization/objects")),
       lanes_(context.create_publisher<foxglove::SceneUpdate>("visualization/lanes")),

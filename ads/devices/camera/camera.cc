@@ -44,7 +44,7 @@ V4l2Config read_config(fastcycle::Context& context) {
                                                      .names = {{"yuyv", PixelFormat::kYuyv},
                                                                {"rgb", PixelFormat::kRgb},
                                                                {"grey", PixelFormat::kGrey}},
-                                                     .description = "In which it sends"})
+                                                     .description = "Pixel format of the camera"})
                       .get();
   return config;
 }
@@ -54,8 +54,9 @@ V4l2Config read_config(fastcycle::Context& context) {
 Camera::Camera(fastcycle::Context& context)
     : DeviceComponent(context, kSilence_s),
       folder_(context.param<fastcycle::Path>(
-          "folder", {.fallback = fastcycle::Path(),
-                     .description = "With pictures that are played instead; empty: none"})),
+          "folder",
+          {.fallback = fastcycle::Path(),
+           .description = "Folder with images to play instead of a camera; empty: none"})),
       config_(read_config(context)),
       frame_(context.param<std::string>("frame", {.fallback = "camera"})) {
   if (folder_.get().empty()) {

@@ -16,18 +16,19 @@ constexpr double kSilence_s = 0.5;
 CanBusComponent::CanBusComponent(fastcycle::Context& context)
     : DeviceComponent(context, kSilence_s),
       interface_(context.param<std::string>(
-          "interface", {.fallback = "can0", .description = "Of Linux, as `ip link` lists it"})),
+          "interface",
+          {.fallback = "can0", .description = "Linux network interface, as listed by `ip link`"})),
       fake_(context.param<fastcycle::Path>(
           "fake", {.fallback = fastcycle::Path(),
-                   .description = "Two sockets at this path stand for the bus; empty: none"})),
+                   .description = "Path of two sockets that replace the bus; empty: none"})),
       bus_number_(context.param<std::uint32_t>(
-          "bus", {.fallback = 0, .max = 127, .description = "Of the frames that are published"})),
+          "bus", {.fallback = 0, .max = 127, .description = "Bus number of the published frames"})),
       command_age_max_s_(context.param<double>(
           "command_age_max_s", {.fallback = 0.1,
                                 .min = 0.001,
                                 .max = 10.0,
                                 .unit = "s",
-                                .description = "An older command is not sent any more"})),
+                                .description = "Maximum age of a command that is sent"})),
       frames_(context.create_external_publisher<can::Frame>("can/state")) {
   context.create_subscriber<can::Frame>("can/command",
                                         [this](const can::Frame& frame) { on_command(frame); });

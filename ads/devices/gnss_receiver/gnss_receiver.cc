@@ -31,7 +31,7 @@ SerialConfig read_serial(fastcycle::Context& context) {
       context.param<std::string>("device", {.description = "The serial line: \"/dev/ttyACM0\""})
           .get();
   const auto baud = context.param<int>(
-      "baud", {.fallback = 9600, .min = 4800, .max = 921'600, .description = "Bits in a second"});
+      "baud", {.fallback = 9600, .min = 4800, .max = 921'600, .description = "Bits per second"});
   context.check_params([baud](const fastcycle::ProposedParams& proposed) {
     return is_baud(proposed.get(baud))
                ? std::string()
@@ -57,26 +57,27 @@ GnssReceiver::GnssReceiver(fastcycle::Context& context)
     : DeviceComponent(context, kSilence_s),
       serial_(read_serial(context)),
       origin_latitude_deg_(read_number(context, "origin_latitude_deg", std::nullopt, -90.0, 90.0,
-                                       "deg", "Of the map's (0, 0), WGS-84")),
+                                       "deg", "Coordinate of the map's origin, WGS-84")),
       origin_longitude_deg_(read_number(context, "origin_longitude_deg", std::nullopt, -180.0,
-                                        180.0, "deg", "Of the map's (0, 0), WGS-84")),
+                                        180.0, "deg", "Coordinate of the map's origin, WGS-84")),
       origin_altitude_m_(read_number(context, "origin_altitude_m", 0.0, -1000.0, 10'000.0, "m",
-                                     "Of the road above the ellipsoid")),
+                                     "Altitude of the road above the ellipsoid")),
       antenna_forward_m_(read_number(context, "antenna_forward_m", 0.0, -20.0, 20.0, "m",
-                                     "Of the antenna before the vehicle's centre")),
+                                     "Distance of the antenna in front of the vehicle's centre")),
       antenna_left_m_(read_number(context, "antenna_left_m", 0.0, -5.0, 5.0, "m",
-                                  "Of the antenna left of the vehicle's centre")),
-      latency_s_(read_number(context, "latency_s", 0.085, 0.0, 10.0, "s",
-                             "By how much a position is older than its arrival")),
+                                  "Distance of the antenna left of the vehicle's centre")),
+      latency_s_(
+          read_number(context, "latency_s", 0.085, 0.0, 10.0, "s", "Age of a position on arrival")),
       clock_(context
-                 .param<ClockSource>("clock", {.fallback = ClockSource::kArrival,
-                                               .names = {{"arrival", ClockSource::kArrival},
-                                                         {"utc", ClockSource::kUtc}},
-                                               .description = "utc: the computer is synchronised "
-                                                              "to UTC; latency_s does not count"})
+                 .param<ClockSource>(
+                     "clock",
+                     {.fallback = ClockSource::kArrival,
+                      .names = {{"arrival", ClockSource::kArrival}, {"utc", ClockSource::kUtc}},
+                      .description =
+                          "utc: the computer is synchronised to UTC, and latency_s is ignored"})
                  .get()),
       reader_(read_number(context, "range_error_m", 3.0, 0.01, 100.0, "m",
-                          "Error where the receiver sends none, times the HDOP")),
+                          "Error per unit of HDOP, if the receiver reports no error")),
       positions_(context.create_external_publisher<gnss::Position>("gnss/position")) {
   context.create_subscriber<localization::Ego>(
       "localization/ego", [this](const localization::Ego& ego) {

@@ -32,18 +32,19 @@ velodyne::RevolutionConfig read_config(fastcycle::Context& context) {
   velodyne::RevolutionConfig config;
   config.cut_azimuth_deg =
       read_number(context, "cut_azimuth_deg", config.cut_azimuth_deg, 0.0, 360.0, "deg",
-                  "Where a sweep begins, clockwise from the sensor's zero");
-  config.range_min_m = read_number(context, "range_min_m", config.range_min_m, 0.0, 300.0, "m",
-                                   "Nearer is no return: the vehicle itself");
-  config.range_max_m =
-      read_number(context, "range_max_m", config.range_max_m, 0.0, 300.0, "m", "Farther is none");
+                  "Azimuth at which a sweep begins, clockwise from the sensor's zero");
+  config.range_min_m =
+      read_number(context, "range_min_m", config.range_min_m, 0.0, 300.0, "m",
+                  "Minimum range of a return; nearer ones are of the vehicle itself");
+  config.range_max_m = read_number(context, "range_max_m", config.range_max_m, 0.0, 300.0, "m",
+                                   "Maximum range of a return");
   config.dual_return =
       context
           .param<DualReturn>(
               "dual_return",
               {.fallback = config.dual_return,
                .names = {{"strongest", DualReturn::kStrongest}, {"last", DualReturn::kLast}},
-               .description = "Which is taken where the sensor sends two"})
+               .description = "The return to use if the sensor sends two"})
           .get();
   config.clock =
       context
@@ -62,25 +63,31 @@ Velodyne::Velodyne(fastcycle::Context& context)
     : DeviceComponent(context, kSilence_s),
       model_(context.param<ModelKind>(
           "model", {.names = {{"vlp16", ModelKind::kVlp16}, {"hdl64", ModelKind::kHdl64}},
-                    .description = "Of the sensor"})),
+                    .description = "Model of the sensor"})),
       calibration_(context.param<fastcycle::Path>(
-          "calibration", {.fallback = fastcycle::Path(),
-                          .description = "Of an HDL-64E: the db.xml that came with it"})),
+          "calibration",
+          {.fallback = fastcycle::Path(),
+           .description = "Calibration of an HDL-64E: the db.xml file supplied with it"})),
       nominal_calibration_(context.param<bool>(
           "nominal_calibration",
-          {.fallback = false, .description = "An HDL-64E that is simulated has no such file"})),
+          {.fallback = false,
+           .description =
+               "Use the nominal calibration of an HDL-64E, as for a simulated one without file"})),
       capture_(context.param<fastcycle::Path>(
           "pcap", {.fallback = fastcycle::Path(),
-                   .description = "A capture file that is played; empty: packets come by UDP"})),
+                   .description = "Capture file to play; empty: receive packets by UDP"})),
       address_(context.param<std::string>(
-          "address", {.fallback = "0.0.0.0", .description = "Of the interface to listen at"})),
-      port_(context.param<int>("port", {.fallback = 2368,
-                                        .min = 1,
-                                        .max = 65'535,
-                                        .description = "To which the sensor sends its data"})),
+          "address",
+          {.fallback = "0.0.0.0", .description = "IP address of the interface to listen on"})),
+      port_(context.param<int>("port",
+                               {.fallback = 2368,
+                                .min = 1,
+                                .max = 65'535,
+                                .description = "UDP port to which the sensor sends its data"})),
       sensor_address_(context.param<std::string>(
           "sensor_address",
-          {.fallback = "", .description = "Packets of others do not count; empty: all do"})),
+          {.fallback = "",
+           .description = "Accept only packets from this IP address; empty: from all"})),
       config_(read_config(context)),
       mount_forward_m_(read_mount_forward_m(context)),
       mount_height_m_(read_mount_height_m(context)) {

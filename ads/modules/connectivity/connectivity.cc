@@ -61,11 +61,12 @@ Connectivity::Connectivity(fastcycle::Context& context)
           "scenario",
           {.description = "The CommonRoad scenario whose planning problem is the mission"})),
       settle_s_(context.param<double>(
-          "settle_s", {.fallback = 2.0,
-                       .min = 0.0,
-                       .max = 60.0,
-                       .unit = "s",
-                       .description = "From the application's start to step 0 of the scenario"})),
+          "settle_s",
+          {.fallback = 2.0,
+           .min = 0.0,
+           .max = 60.0,
+           .unit = "s",
+           .description = "Time from the application's start to step 0 of the scenario"})),
       position_stddev_m_(
           context.param<double>("position_stddev_m", stddev(0.5, "m", "position, per axis"))),
       heading_stddev_rad_(
@@ -73,7 +74,7 @@ Connectivity::Connectivity(fastcycle::Context& context)
       speed_stddev_mps_(context.param<double>("speed_stddev_mps", stddev(0.5, "m/s", "speed"))),
       hazard_plan_(context.param<connectivity::HazardPlan>(
           "hazards", {.fallback = connectivity::HazardPlan(),
-                      .description = "Hazards that become known, by seconds since step 0"})),
+                      .description = "Hazards that are announced, by seconds since step 0"})),
       initial_poses_(context.create_publisher<mission::InitialPose>("mission/initial_pose")),
       goals_(context.create_publisher<mission::Goal>("mission/goal")),
       hazards_(context.create_publisher<connectivity::Hazard>("connectivity/hazard")),

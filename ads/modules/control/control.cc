@@ -36,13 +36,15 @@ TrackerConfig read_config(fastcycle::Context& context) {
         .get();
   };
   TrackerConfig config;
-  config.wheelbase_m = value("wheelbase_m", standard.wheelbase_m, "m", "Between the axles");
+  config.wheelbase_m =
+      value("wheelbase_m", standard.wheelbase_m, "m", "Distance between the axles");
   config.centre_to_rear_axle_m = value("centre_to_rear_axle_m", standard.centre_to_rear_axle_m, "m",
-                                       "From the box's centre back to the rear axle");
-  config.steering_max_rad =
-      value("steering_max_rad", standard.steering_max_rad, "rad", "To each side");
-  config.steering_rate_max_radps = value(
-      "steering_rate_max_radps", standard.steering_rate_max_radps, "rad/s", "Of the front wheels");
+                                       "Distance from the box's centre back to the rear axle");
+  config.steering_max_rad = value("steering_max_rad", standard.steering_max_rad, "rad",
+                                  "Maximum steering angle to each side");
+  config.steering_rate_max_radps =
+      value("steering_rate_max_radps", standard.steering_rate_max_radps, "rad/s",
+            "Maximum steering rate of the front wheels");
   config.acceleration_min_mps2 = -value("braking_max_mps2", -standard.acceleration_min_mps2,
                                         "m/s^2", "The hardest braking that is asked for");
   config.acceleration_max_mps2 = value("acceleration_max_mps2", standard.acceleration_max_mps2,
@@ -50,26 +52,26 @@ TrackerConfig read_config(fastcycle::Context& context) {
   config.jerk_max_mps3 = value("jerk_max_mps3", standard.jerk_max_mps3, "m/s^3",
                                "How fast the asked acceleration changes");
   config.steering_delay_s = value("steering_delay_s", standard.steering_delay_s, "s",
-                                  "From a command until the wheels turn");
+                                  "Delay from a command until the wheels turn");
   config.acceleration_delay_s = value("acceleration_delay_s", standard.acceleration_delay_s, "s",
-                                      "From a command until the vehicle accelerates");
+                                      "Delay from a command until the vehicle accelerates");
   config.acceleration_lag_s = value("acceleration_lag_s", standard.acceleration_lag_s, "s",
-                                    "Time constant with which acceleration follows then");
+                                    "Time constant of the acceleration after the delay");
   config.lateral_length_m = value("lateral_length_m", standard.lateral_length_m, "m",
-                                  "Errors to the side fade within this way at least");
+                                  "Minimum distance over which lateral errors decay");
   config.lateral_time_s = value("lateral_time_s", standard.lateral_time_s, "s",
-                                "and within this time at the present speed");
+                                "Minimum time within which lateral errors decay");
   config.lateral_damping =
-      value("lateral_damping", standard.lateral_damping, "1", "Of errors to the side");
+      value("lateral_damping", standard.lateral_damping, "1", "Damping of lateral errors");
   config.position_gain_per_s2 = value("position_gain_per_s2", standard.position_gain_per_s2,
                                       "1/s^2", "Acceleration for each metre too far behind");
   config.speed_gain_per_s = value("speed_gain_per_s", standard.speed_gain_per_s, "1/s",
-                                  "Acceleration for each m/s too slow");
-  config.lateral_integral = value("lateral_integral", standard.lateral_integral, "1",
-                                  "How fast a lasting error to the side is made good, as a share "
-                                  "of what makes it unstable; 0: it stays");
-  config.along_integral =
-      value("along_integral", standard.along_integral, "1", "The same of an error along the way");
+                                  "Acceleration per m/s of speed error");
+  config.lateral_integral = value(
+      "lateral_integral", standard.lateral_integral, "1",
+      "Integral gain for lateral errors, as a share of the gain that causes instability; 0: off");
+  config.along_integral = value("along_integral", standard.along_integral, "1",
+                                "Integral gain for longitudinal errors, likewise");
   return config;
 }
 
@@ -121,14 +123,12 @@ bool is_autonomous(supervision::DrivingState state) {
 Control::Control(fastcycle::Context& context)
     : Component(context),
       plan_age_s_(context.param<double>(
-          "plan_age_s", positive(0.5, "s",
-                                 "A plan that came longer ago is not followed in time "
-                                 "any more"))),
+          "plan_age_s", positive(0.5, "s", "Maximum age of a plan that is followed in time"))),
       stale_braking_mps2_(context.param<double>(
           "stale_braking_mps2", positive(3.0, "m/s^2", "How the vehicle then stops on its line"))),
       supervision_age_s_(context.param<double>(
           "supervision_age_s",
-          positive(0.2, "s", "When supervision is silent for longer, the vehicle stops"))),
+          positive(0.2, "s", "Time without supervision messages after which the vehicle stops"))),
       tracker_(read_config(context)),
       plans_(context.create_latest<planning::Plan>("planning/checked_plan")),
       egos_(context.create_latest<localization::Ego>("localization/ego")),

@@ -38,14 +38,14 @@ PoseFilterConfig read_pose_config(fastcycle::Context& context) {
   Reader read(context);
   PoseFilterConfig config;
   config.fix_outliers_max = 0;
-  config.fix_noise_m = read("fix_noise_m", 0.1, "m", "Error that is new with every fix, per axis");
+  config.fix_noise_m = read("fix_noise_m", 0.1, "m", "Independent error of each fix, per axis");
   config.fix_bias_stddev_m =
       read("fix_bias_stddev_m", 0.15, "m", "Slow error of the receiver, per axis");
-  config.fix_bias_time_s = read("fix_bias_time_s", 60.0, "s", "Its correlation time");
+  config.fix_bias_time_s = read("fix_bias_time_s", 60.0, "s", "Correlation time of the slow error");
   config.fix_gate = read("fix_gate", config.fix_gate, "1",
                          "Squared Mahalanobis distance beyond which a fix is rejected");
   config.wheel_scale_stddev =
-      read("wheel_scale_stddev", 0.005, "1", "True speed over wheel speed: how far from 1");
+      read("wheel_scale_stddev", 0.005, "1", "Scale error of the wheel speed");
   config.wheel_scale_walk_per_sqrt_s =
       read("wheel_scale_walk_per_sqrt_s", 1e-4, "1/sqrt(s)", "Its random walk");
   config.distance_walk_m_per_sqrt_s =
@@ -55,14 +55,14 @@ PoseFilterConfig read_pose_config(fastcycle::Context& context) {
   config.yaw_walk_rad_per_sqrt_s =
       read("yaw_walk_rad_per_sqrt_s", 0.0005, "rad/sqrt(s)", "Of the heading");
   config.gyro_bias_stddev_radps =
-      read("gyro_bias_stddev_radps", 0.002, "rad/s", "Offset of the gyroscope");
+      read("gyro_bias_stddev_radps", 0.002, "rad/s", "Bias of the gyroscope");
   config.gyro_bias_walk_radps_per_sqrt_s =
       read("gyro_bias_walk_radps_per_sqrt_s", 1e-4, "rad/s/sqrt(s)", "Its random walk");
   config.gyro_noise_radps =
       read("gyro_noise_radps", 0.0028, "rad/s", "Noise of one measurement of the gyroscope");
   config.wheel_noise_mps = 0.0;  // The speed is estimated by its own filter.
-  config.rear_axle_to_point_m =
-      read("rear_axle_to_center_m", 1.29, "m", "From the rear axle to the vehicle's centre");
+  config.rear_axle_to_point_m = read("rear_axle_to_center_m", 1.29, "m",
+                                     "Distance from the rear axle to the vehicle's centre");
   return config;
 }
 
@@ -83,17 +83,18 @@ SpeedFilterConfig read_speed_config(fastcycle::Context& context) {
 QualityLimits read_limits(fastcycle::Context& context) {
   Reader read(context);
   QualityLimits limits;
-  limits.fix_uncertain_s =
-      read("fix_uncertain_s", limits.fix_uncertain_s, "s", "Without a good fix it is uncertain");
-  limits.fix_lost_s = read("fix_lost_s", limits.fix_lost_s, "s", "And from then on lost");
+  limits.fix_uncertain_s = read("fix_uncertain_s", limits.fix_uncertain_s, "s",
+                                "Time without a good fix after which it is uncertain");
+  limits.fix_lost_s =
+      read("fix_lost_s", limits.fix_lost_s, "s", "Time without a good fix after which it is lost");
   limits.position_uncertain_m = read("position_uncertain_m", limits.position_uncertain_m, "m",
                                      "Standard deviation from which it is uncertain");
-  limits.position_lost_m =
-      read("position_lost_m", limits.position_lost_m, "m", "And from which it is lost");
+  limits.position_lost_m = read("position_lost_m", limits.position_lost_m, "m",
+                                "Standard deviation from which it is lost");
   limits.heading_uncertain_rad = read("heading_uncertain_rad", limits.heading_uncertain_rad, "rad",
                                       "Standard deviation from which it is uncertain");
-  limits.heading_lost_rad =
-      read("heading_lost_rad", limits.heading_lost_rad, "rad", "And from which it is lost");
+  limits.heading_lost_rad = read("heading_lost_rad", limits.heading_lost_rad, "rad",
+                                 "Standard deviation from which it is lost");
   const auto count = [&context](std::string_view name, std::size_t fallback,
                                 std::string description) {
     return context
@@ -102,11 +103,12 @@ QualityLimits read_limits(fastcycle::Context& context) {
         .get();
   };
   limits.rejected_uncertain =
-      count("rejected_uncertain", limits.rejected_uncertain, "Rejected fixes in a row: uncertain");
-  limits.rejected_lost =
-      count("rejected_lost", limits.rejected_lost, "Rejected fixes in a row: lost");
+      count("rejected_uncertain", limits.rejected_uncertain,
+            "Number of consecutive rejected fixes after which it is uncertain");
+  limits.rejected_lost = count("rejected_lost", limits.rejected_lost,
+                               "Number of consecutive rejected fixes after which it is lost");
   limits.input_lost_s = read("input_lost_s", limits.input_lost_s, "s",
-                             "Without motion or vehicle state for so long it is lost");
+                             "Time without motion or vehicle state after which it is lost");
   return limits;
 }
 
@@ -191,22 +193,25 @@ SpeedFilter::Memory read(const localization::SpeedMemory& message) {
 Localization::Localization(fastcycle::Context& context)
     : Component(context),
       limits_(read_limits(context)),
-      wheelbase_m_(context.param<double>(
-          "wheelbase_m",
-          {.fallback = 2.58, .min = 0.1, .max = 20.0, .unit = "m", .description = "Axle to axle"})),
+      wheelbase_m_(
+          context.param<double>("wheelbase_m", {.fallback = 2.58,
+                                                .min = 0.1,
+                                                .max = 20.0,
+                                                .unit = "m",
+                                                .description = "Distance between the axles"})),
       steering_noise_radps_(context.param<double>(
           "steering_noise_radps",
           {.fallback = 0.02,
            .min = 1e-6,
            .max = 10.0,
            .unit = "rad/s",
-           .description = "Error of the yaw rate that the steering makes, when straight"})),
+           .description = "Error of the yaw rate from steering, when driving straight"})),
       steering_noise_share_(context.param<double>(
           "steering_noise_share", {.fallback = 0.1,
                                    .min = 0.0,
                                    .max = 1.0,
                                    .unit = "1",
-                                   .description = "And beside that, the share of that yaw rate"})),
+                                   .description = "Additional error, as a share of the yaw rate"})),
       pose_(read_pose_config(context)),
       speed_(read_speed_config(context)),
       egos_(context.create_publisher<localization::Ego>("localization/ego")),

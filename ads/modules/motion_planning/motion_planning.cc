@@ -28,16 +28,16 @@ Vehicle read_vehicle(fastcycle::Context& context) {
   return {
       .length_m = param(context, "length_m", standard.length_m, 30.0, "m", "Of the vehicle's box"),
       .width_m = param(context, "width_m", standard.width_m, 5.0, "m", "Of the vehicle's box"),
-      .wheelbase_m =
-          param(context, "wheelbase_m", standard.wheelbase_m, 20.0, "m", "Between the axles"),
+      .wheelbase_m = param(context, "wheelbase_m", standard.wheelbase_m, 20.0, "m",
+                           "Distance between the axles"),
       .centre_to_rear_axle_m =
           param(context, "centre_to_rear_axle_m", standard.centre_to_rear_axle_m, 20.0, "m",
-                "From the box's centre back to the rear axle"),
+                "Distance from the box's centre back to the rear axle"),
       .steering_max_rad = param(context, "steering_max_rad", standard.steering_max_rad, 1.4, "rad",
-                                "Of the front wheels, to each side"),
+                                "Maximum steering angle of the front wheels, to each side"),
       .steering_rate_max_radps =
           param(context, "steering_rate_max_radps", standard.steering_rate_max_radps, 5.0, "rad/s",
-                "Of the front wheels")};
+                "Maximum steering rate of the front wheels")};
 }
 
 PlannerConfig read_config(fastcycle::Context& context, const Vehicle& vehicle) {
@@ -48,17 +48,17 @@ PlannerConfig read_config(fastcycle::Context& context, const Vehicle& vehicle) {
           .param<std::int64_t>("beam", {.fallback = static_cast<std::int64_t>(standard.beam),
                                         .min = 1,
                                         .max = 5000,
-                                        .description = "Places per layer that the search keeps"})
+                                        .description = "States per layer that the search keeps"})
           .get());
-  config.horizon_min_s =
-      param(context, "horizon_min_s", standard.horizon_min_s, 60.0, "s", "Planned ahead at least");
+  config.horizon_min_s = param(context, "horizon_min_s", standard.horizon_min_s, 60.0, "s",
+                               "Minimum planning horizon");
   config.horizon_max_s = param(context, "horizon_max_s", standard.horizon_max_s, 60.0, "s",
-                               "Planned ahead at most, when the goal is far");
-  config.cruise_mps = param(context, "cruise_mps", standard.cruise_mps, 60.0, "m/s",
-                            "To drive at where the map has no limit, unless others or the driver "
-                            "were faster");
+                               "Maximum planning horizon, when the goal is far");
+  config.cruise_mps =
+      param(context, "cruise_mps", standard.cruise_mps, 60.0, "m/s",
+            "Speed where the map has no limit, unless others or the driver were faster");
   config.certain_s = param(context, "certain_s", standard.certain_s, 10.0, "s",
-                           "A collision predicted within this time calls for evasion");
+                           "Time within which a predicted collision causes evasion");
   return config;
 }
 

@@ -32,15 +32,18 @@ ScanMatcherConfig read_config(fastcycle::Context& context) {
                                       .description = std::move(description)})
                 .get();
   };
-  read("voxel_m", config.voxel_m, 0.1, 10.0, "Of the map, the side of a cell");
-  read("range_min_m", config.range_min_m, 0.0, 100.0, "Nearer points are not matched");
-  read("range_max_m", config.range_max_m, 1.0, 200.0, "Nor farther ones");
-  read("map_range_m", config.map_range_m, 1.0, 500.0, "Of the map around the sensor");
-  read("height_min_m", config.height_min_m, -10.0, 10.0, "Above the sensor, of what is matched");
-  read("height_max_m", config.height_max_m, -10.0, 50.0, "The same, at most");
+  read("voxel_m", config.voxel_m, 0.1, 10.0, "Side length of a cell of the map");
+  read("range_min_m", config.range_min_m, 0.0, 100.0, "Minimum range of matched points");
+  read("range_max_m", config.range_max_m, 1.0, 200.0, "Maximum range of matched points");
+  read("map_range_m", config.map_range_m, 1.0, 500.0, "Radius of the map around the sensor");
+  read("height_min_m", config.height_min_m, -10.0, 10.0,
+       "Minimum height of matched points above the sensor");
+  read("height_max_m", config.height_max_m, -10.0, 50.0,
+       "Maximum height of matched points above the sensor");
   read("reach_first_m", config.reach_first_m, 0.1, 10.0,
-       "Between a point and the map, as long as the motion is not known");
-  read("reach_m", config.reach_m, 0.1, 10.0, "And from then on");
+       "Maximum distance between a point and the map while the motion is unknown");
+  read("reach_m", config.reach_m, 0.1, 10.0,
+       "Maximum distance between a point and the map once the motion is known");
   return config;
 }
 
@@ -54,10 +57,13 @@ Pose read_begin(fastcycle::Context& context) {
                               .description = std::move(description)})
         .get();
   };
-  const double x_m = read("begin_x_m", "m", "Where the sensor is at the end of the first sweep");
-  const double y_m = read("begin_y_m", "m", "The same, in the map");
+  const double x_m =
+      read("begin_x_m", "m", "Position of the sensor in the map at the end of the first sweep");
+  const double y_m =
+      read("begin_y_m", "m", "Position of the sensor in the map at the end of the first sweep");
   return {.place_m = {x_m, y_m},
-          .heading_rad = read("begin_heading_rad", "rad", "Of the vehicle, then")};
+          .heading_rad = read("begin_heading_rad", "rad",
+                              "Heading of the vehicle at the end of the first sweep")};
 }
 
 }  // namespace

@@ -37,41 +37,46 @@ RecognizerConfig read_config(fastcycle::Context& context) {
             .get();
   };
   read("range_max_m", config.tracker.clustering.range_max_m, 200.0, "m",
-       "Farther returns are not looked at");
+       "Maximum range of returns");
   config.ground.range_max_m = config.tracker.clustering.range_max_m;
-  read("ground_slope_max", config.ground.slope_max, 1.0, "1", "How steep the ground may be");
-  read("ground_step_max_m", config.ground.step_max_m, 1.0, "m", "And what steps it may have");
-  read("height_min_m", config.height_min_m, 2.0, "m", "Lower returns belong to the ground");
-  read("height_max_m", config.height_max_m, 20.0, "m", "Higher ones are passed under");
-  read("own_length_m", config.own_length_m, 50.0, "m", "Returns within are the vehicle's own");
-  read("own_width_m", config.own_width_m, 10.0, "m", "The same across");
+  read("ground_slope_max", config.ground.slope_max, 1.0, "1", "Maximum slope of the ground");
+  read("ground_step_max_m", config.ground.step_max_m, 1.0, "m", "Maximum step of the ground");
+  read("height_min_m", config.height_min_m, 2.0, "m",
+       "Minimum height of a return; lower ones belong to the ground");
+  read("height_max_m", config.height_max_m, 20.0, "m",
+       "Maximum height of a return; the vehicle passes under higher ones");
+  read("own_length_m", config.own_length_m, 50.0, "m",
+       "Length of the area whose returns belong to the vehicle itself");
+  read("own_width_m", config.own_width_m, 10.0, "m",
+       "Width of the area whose returns belong to the vehicle itself");
   read("invalid_share_max", config.invalid_share_max, 1.0, "1",
-       "A sweep with more returns that are not finite is not used");
-  count("returns_min", config.returns_min, 1'000'000, "Nor one with fewer returns");
+       "Maximum share of non-finite returns in a sweep");
+  count("returns_min", config.returns_min, 1'000'000, "Minimum number of returns of a sweep");
   read("across_m", config.tracker.clustering.across_m, 5.0, "m",
-       "Returns that are closer belong together");
+       "Maximum distance between returns of one group");
   read("along_max_m", config.tracker.clustering.along_max_m, 10.0, "m",
-       "The same along the line of sight, at a distance");
-  count("object_returns_min", config.tracker.returns_min, 10'000, "Of a new object");
+       "Maximum distance along the line of sight, far away");
+  count("object_returns_min", config.tracker.returns_min, 10'000,
+        "Minimum number of returns of a new object");
   count("sightings_min", config.tracker.sightings_min, 100,
-        "Sweeps in which an object is seen before it is reported");
+        "Number of sweeps with a detection before an object is reported");
   read("open_max_s", config.tracker.open_max_s, 60.0, "s",
-       "For how long an object is kept that should be seen and is not");
+       "Time for which an object is kept that should be visible and is not detected");
   read("hidden_max_s", config.tracker.hidden_max_s, 60.0, "s",
-       "For how long one that is hidden behind others");
+       "Time for which an occluded object is kept");
   read("hidden_speed_error_mps", config.tracker.hidden_speed_error_mps, 100.0, "m/s",
-       "Of one that is seen again after 0.5 s and more");
+       "Speed error of an object that reappears after at least 0.5 s");
   read("hidden_acceleration_mps2", config.tracker.hidden_acceleration_mps2, 100.0, "m/s²",
        "The most that it may have had meanwhile");
   read("reach_m", config.tracker.reach_m, 20.0, "m",
-       "So far around its box a track takes what its returns are grouped with");
+       "Distance around its box within which a track takes returns of the same group");
   config.are_borders_sought =
       context
           .param<bool>("borders", {.fallback = config.are_borders_sought,
-                                   .description = "Whether borders of the road are looked for"})
+                                   .description = "Whether road borders are detected"})
           .get();
   read("low_length_max_m", config.tracker.low_length_max_m, 50.0, "m",
-       "What is longer and not high is two objects");
+       "Maximum length of a low object; a longer one is two objects");
   config.tracker.structure_likeness =
       context
           .param<double>("structure_likeness",
@@ -79,15 +84,19 @@ RecognizerConfig read_config(fastcycle::Context& context) {
                           .min = -1e3,
                           .max = 0.0,
                           .unit = "1",
-                          .description = "What looks less like a vehicle gives way to others"})
+                          .description = "Tracks below this vehicle likeness take only returns "
+                                         "that no other track claims"})
           .get();
   TrackConfig& track = config.tracker.track;
-  read("length_m", track.length_m, 50.0, "m", "Of an object that is not yet seen well");
+  read("length_m", track.length_m, 50.0, "m",
+       "Assumed length of an object before it is measured well");
   read("length_stddev_m", track.length_stddev_m, 50.0, "m", "1 sigma");
-  read("width_m", track.width_m, 10.0, "m", "Of an object that is not yet seen well");
+  read("width_m", track.width_m, 10.0, "m",
+       "Assumed width of an object before it is measured well");
   read("width_stddev_m", track.width_stddev_m, 10.0, "m", "1 sigma");
-  read("speed_stddev_mps", track.speed_stddev_mps, 100.0, "m/s", "Of a new object, per axis");
-  read("maneuver_s", track.maneuver_s, 60.0, "s", "For how long an acceleration lasts");
+  read("speed_stddev_mps", track.speed_stddev_mps, 100.0, "m/s",
+       "1 sigma of the speed of a new object, per axis");
+  read("maneuver_s", track.maneuver_s, 60.0, "s", "Duration of an acceleration");
   read("forward_stddev_mps2", track.forward_stddev_mps2, 50.0, "m/s^2",
        "Accelerations along the heading, 1 sigma");
   read("sideways_stddev_mps2", track.sideways_stddev_mps2, 50.0, "m/s^2",
@@ -133,20 +142,19 @@ void fill(perception::Object& message, const TrackedObject& object, std::int64_t
 
 Perception::Perception(fastcycle::Context& context)
     : Component(context),
-      sweep_age_max_s_(context.param<double>(
-          "sweep_age_max_s", {.fallback = 0.3,
-                              .min = 0.0,
-                              .max = 10.0,
-                              .unit = "s",
-                              .description = "A sweep that ended longer ago is not used"})),
+      sweep_age_max_s_(
+          context.param<double>("sweep_age_max_s", {.fallback = 0.3,
+                                                    .min = 0.0,
+                                                    .max = 10.0,
+                                                    .unit = "s",
+                                                    .description = "Maximum age of a sweep"})),
       likeness_min_(context.param<double>(
-          "likeness_min",
-          {.fallback = -1e3,
-           .min = -1e3,
-           .max = 5.0,
-           .unit = "1",
-           .description =
-               "What looked less like a vehicle has no class: sweeps for, less against"})),
+          "likeness_min", {.fallback = -1e3,
+                           .min = -1e3,
+                           .max = 5.0,
+                           .unit = "1",
+                           .description = "Minimum vehicle likeness for a class: number of sweeps "
+                                          "for it minus those against"})),
       recognizer_(read_config(context)),
       ego_(context.create_history<localization::Ego>("localization/ego", {.depth = kPoses})),
       objects_(context.create_publisher<perception::Objects>("perception/objects")),

@@ -26,55 +26,63 @@ Limits read_limits(fastcycle::Context& context) {
   };
   read(limits.length_m, "length_m", 30.0, "m", "Of the vehicle's box");
   read(limits.width_m, "width_m", 5.0, "m", "Of the vehicle's box");
-  read(limits.wheelbase_m, "wheelbase_m", 20.0, "m", "Between the axles");
+  read(limits.wheelbase_m, "wheelbase_m", 20.0, "m", "Distance between the axles");
   read(limits.centre_to_rear_axle_m, "centre_to_rear_axle_m", 20.0, "m",
-       "From the box's centre back to the rear axle");
-  read(limits.steering_max_rad, "steering_max_rad", 1.4, "rad", "Of the front wheels");
+       "Distance from the box's centre back to the rear axle");
+  read(limits.steering_max_rad, "steering_max_rad", 1.4, "rad",
+       "Maximum steering angle of the front wheels");
   read(limits.steering_rate_max_radps, "steering_rate_max_radps", 5.0, "rad/s",
-       "Of the front wheels");
-  read(limits.speed_max_mps, "speed_max_mps", 100.0, "m/s", "Of the vehicle");
+       "Maximum steering rate of the front wheels");
+  read(limits.speed_max_mps, "speed_max_mps", 100.0, "m/s", "Maximum speed of the vehicle");
   read(limits.braking_max_mps2, "braking_max_mps2", 20.0, "m/s^2", "That tyres can hold");
   read(limits.acceleration_max_mps2, "acceleration_max_mps2", 20.0, "m/s^2",
        "That the vehicle can reach");
   read(limits.jerk_max_mps3, "jerk_max_mps3", 1000.0, "m/s^3", "That brakes can follow");
   read(limits.lateral_max_mps2, "lateral_max_mps2", 20.0, "m/s^2", "That tyres can hold");
-  read(limits.comfort_braking_mps2, "comfort_braking_mps2", 20.0, "m/s^2", "More is noted");
+  read(limits.comfort_braking_mps2, "comfort_braking_mps2", 20.0, "m/s^2",
+       "Distance outside all lanes from which it is noted");
   read(limits.comfort_acceleration_mps2, "comfort_acceleration_mps2", 20.0, "m/s^2",
-       "More is noted");
-  read(limits.comfort_jerk_mps3, "comfort_jerk_mps3", 1000.0, "m/s^3", "More is noted");
-  read(limits.comfort_lateral_mps2, "comfort_lateral_mps2", 20.0, "m/s^2", "More is noted");
+       "Distance outside all lanes from which it is noted");
+  read(limits.comfort_jerk_mps3, "comfort_jerk_mps3", 1000.0, "m/s^3",
+       "Distance outside all lanes from which it is noted");
+  read(limits.comfort_lateral_mps2, "comfort_lateral_mps2", 20.0, "m/s^2",
+       "Distance outside all lanes from which it is noted");
   read(limits.start_distance_max_m, "start_distance_max_m", 10.0, "m",
-       "Between the vehicle and where the plan has it");
+       "Maximum distance between the vehicle and its planned position");
   read(limits.start_heading_max_rad, "start_heading_max_rad", 3.2, "rad",
-       "Between the vehicle's heading and the plan's");
+       "Maximum difference between the vehicle's heading and the plan's");
   read(limits.start_speed_max_mps, "start_speed_max_mps", 20.0, "m/s",
-       "Between the vehicle's speed and the plan's");
+       "Maximum difference between the vehicle's speed and the plan's");
   read(limits.motion_distance_max_m, "motion_distance_max_m", 10.0, "m",
-       "Between a point and where the speed leads");
+       "Maximum distance between a point and the position that the speed implies");
   read(limits.motion_distance_max_share, "motion_distance_max_share", 1.0, "1",
-       "And of the way between the points");
+       "Additional distance, as a share of the distance between the points");
   read(limits.motion_heading_max_rad, "motion_heading_max_rad", 3.2, "rad",
-       "Between a heading and where the curvature leads");
+       "Maximum difference between a heading and the one that the curvature implies");
   read(limits.motion_acceleration_max_mps2, "motion_acceleration_max_mps2", 50.0, "m/s^2",
        "Between an acceleration and how speeds change");
   read(limits.motion_later_factor, "motion_later_factor", 100.0, "1",
-       "So many times as much after certain_s, and in the minimal-risk trajectory");
-  read(limits.horizon_min_s, "horizon_min_s", 60.0, "s", "Shorter plans have to end in a stand");
-  read(limits.age_max_s, "age_max_s", 10.0, "s", "Of the plan and of predictions");
+       "Factor on the motion limits after certain_s and in the minimal-risk trajectory");
+  read(limits.horizon_min_s, "horizon_min_s", 60.0, "s",
+       "Minimum horizon of a plan that does not end in standstill");
+  read(limits.age_max_s, "age_max_s", 10.0, "s", "Maximum age of the plan and of predictions");
   read(limits.certain_s, "certain_s", 60.0, "s",
-       "What is planned for later is noted only: until then there are other plans");
-  read(limits.over_edge_max_m, "over_edge_max_m", 100.0, "m", "Of the body, off all lanes");
-  read(limits.over_edge_noted_m, "over_edge_noted_m", 100.0, "m", "More is noted");
-  read(limits.gap_min_m, "gap_min_m", 10.0, "m", "To predicted objects");
-  read(limits.gap_noted_m, "gap_noted_m", 10.0, "m", "Less is noted");
+       "Violations after this time are only noted, as newer plans replace this one by then");
+  read(limits.over_edge_max_m, "over_edge_max_m", 100.0, "m",
+       "Maximum distance of the body outside all lanes");
+  read(limits.over_edge_noted_m, "over_edge_noted_m", 100.0, "m",
+       "Distance outside all lanes from which it is noted");
+  read(limits.gap_min_m, "gap_min_m", 10.0, "m", "Minimum gap to predicted objects");
+  read(limits.gap_noted_m, "gap_noted_m", 10.0, "m",
+       "Gap to predicted objects below which it is noted");
   read(limits.speed_limit_excess_max_mps, "speed_limit_excess_max_mps", 100.0, "m/s",
-       "Above the map's limit, or the speed at the begin");
+       "Maximum excess over the map's limit, or over the initial speed");
   read(limits.speed_limit_excess_noted_mps, "speed_limit_excess_noted_mps", 100.0, "m/s",
-       "More above the map's limit is noted");
+       "Excess over the map's limit from which it is noted");
   read(limits.later_s, "later_s", 10.0, "s",
        "If what control follows without the plan touches nothing, or so much later");
   read(limits.collision_certain_s, "collision_certain_s", 60.0, "s",
-       "A plan that touches something within this time is rejected");
+       "A plan with a collision within this time is rejected");
   return limits;
 }
 

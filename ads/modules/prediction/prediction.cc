@@ -21,18 +21,19 @@ double number(fastcycle::Context& context, std::string_view name, double fallbac
 PredictorOptions options(fastcycle::Context& context) {
   const PredictorOptions usual;
   return {
-      .horizon_s = number(context, "horizon_s", usual.horizon_s, 20.0, "s", "How far ahead"),
-      .step_s = number(context, "step_s", usual.step_s, 1.0, "s", "Between two points"),
+      .horizon_s = number(context, "horizon_s", usual.horizon_s, 20.0, "s", "Prediction horizon"),
+      .step_s = number(context, "step_s", usual.step_s, 1.0, "s", "Time between two points"),
       .distance_min_m = number(context, "distance_min_m", usual.distance_min_m, 10.0, "m",
-                               "What they keep when they stand"),
+                               "Distance that objects keep at standstill"),
       .along_stddev_mps2 = number(context, "along_stddev_mps2", usual.along_stddev_mps2, 5.0,
                                   "m/s^2", "Of the acceleration that is not foreseen"),
       .along_stddev_mps = number(context, "along_stddev_mps", usual.along_stddev_mps, 10.0, "m/s",
-                                 "Of the speed that is not foreseen"),
+                                 "Standard deviation of unforeseen speed changes"),
       .across_stddev_mps = number(context, "across_stddev_mps", usual.across_stddev_mps, 5.0, "m/s",
-                                  "Of the motion to the side"),
-      .across_stddev_max_m = number(context, "across_stddev_max_m", usual.across_stddev_max_m, 10.0,
-                                    "m", "Of the place in a lane"),
+                                  "Standard deviation of the lateral motion"),
+      .across_stddev_max_m =
+          number(context, "across_stddev_max_m", usual.across_stddev_max_m, 10.0, "m",
+                 "Maximum standard deviation of the lateral position in a lane"),
   };
 }
 

@@ -38,23 +38,23 @@ Takeover::Limits read_takeover_limits(fastcycle::Context& context) {
                               .description = std::move(description)})
         .get();
   };
-  return {
-      .steering_torque_nm = read("takeover.steering_torque_nm", usual.steering_torque_nm, 9.5, "Nm",
-                                 "More on the steering wheel is a driver who takes over,"),
-      .steering_time_s = read("takeover.steering_time_s", usual.steering_time_s, 0.08, "s",
-                              "if it lasts that long"),
-      .brake_pedal = read("takeover.brake_pedal", usual.brake_pedal, 1.0, "1",
-                          "So is a brake pedal that is pressed by more")};
+  return {.steering_torque_nm = read("takeover.steering_torque_nm", usual.steering_torque_nm, 9.5,
+                                     "Nm", "Steering torque above which the driver takes over"),
+          .steering_time_s = read("takeover.steering_time_s", usual.steering_time_s, 0.08, "s",
+                                  "Duration of that torque until the driver takes over"),
+          .brake_pedal = read("takeover.brake_pedal", usual.brake_pedal, 1.0, "1",
+                              "Brake pedal position above which the driver takes over")};
 }
 
 }  // namespace
 
 fastcycle::Param<double> Supervision::limit(std::string_view name, double fallback_s) {
-  return context().param<double>(std::string(name), {.fallback = fallback_s,
-                                                     .min = 0.001,
-                                                     .max = 60.0,
-                                                     .unit = "s",
-                                                     .description = "Older is missing"});
+  return context().param<double>(std::string(name),
+                                 {.fallback = fallback_s,
+                                  .min = 0.001,
+                                  .max = 60.0,
+                                  .unit = "s",
+                                  .description = "Maximum age; older inputs count as missing"});
 }
 
 Supervision::Supervision(fastcycle::Context& context)
@@ -62,28 +62,31 @@ Supervision::Supervision(fastcycle::Context& context)
       essential_(context.param<std::vector<std::string>>(
           "essential",
           {.fallback = std::vector<std::string>{},
-           .description = "Components whose failure ends autonomous driving at once"})),
+           .description = "Components whose failure ends autonomous driving immediately"})),
       ego_length_m_(context.param<double>(
           "ego_length_m", {.fallback = 4.508, .min = 0.5, .max = 30.0, .unit = "m"})),
       ego_width_m_(context.param<double>("ego_width_m",
                                          {.fallback = 1.610, .min = 0.5, .max = 5.0, .unit = "m"})),
       invalid_sweeps_s_(context.param<double>(
-          "invalid_sweeps_s", {.fallback = 0.25,
-                               .min = 0.0,
-                               .max = 10.0,
-                               .unit = "s",
-                               .description = "Without a usable sweep for longer, it stops"})),
+          "invalid_sweeps_s",
+          {.fallback = 0.25,
+           .min = 0.0,
+           .max = 10.0,
+           .unit = "s",
+           .description = "Time without a usable sweep after which the vehicle stops"})),
       no_plan_s_(context.param<double>(
-          "no_plan_s", {.fallback = 1.5,
-                        .min = 0.0,
-                        .max = 10.0,
-                        .unit = "s",
-                        .description = "Without a way other than to stop for longer, it stops"})),
+          "no_plan_s",
+          {.fallback = 1.5,
+           .min = 0.0,
+           .max = 10.0,
+           .unit = "s",
+           .description = "Time with only stopping plans after which the vehicle stops"})),
       rejected_plans_max_(context.param<int>(
-          "rejected_plans_max", {.fallback = 3,
-                                 .min = 1,
-                                 .max = 100,
-                                 .description = "After so many rejected plans in a row it stops"})),
+          "rejected_plans_max",
+          {.fallback = 3,
+           .min = 1,
+           .max = 100,
+           .description = "Number of consecutive rejected plans after which the vehicle stops"})),
       states_(context.create_publisher<supervision::State>("supervision/state")),
       state_(context.state<supervision::SupervisorState>("supervisor",
                                                          [this](auto& state) { save(state); })),
@@ -93,12 +96,13 @@ Supervision::Supervision(fastcycle::Context& context)
       command_input_{"the newest command", limit("command_age_s", 0.15), {}},
       vehicle_input_{"the vehicle's own state", limit("vehicle_age_s", 0.1), {}},
       driver_age_s_(context.param<double>(
-          "driver_age_s", {.fallback = 0.0,
-                           .min = 0.0,
-                           .max = 60.0,
-                           .unit = "s",
-                           .description = "Older inputs of the driver are missing; 0: a vehicle "
-                                          "without a driver"})),
+          "driver_age_s",
+          {.fallback = 0.0,
+           .min = 0.0,
+           .max = 60.0,
+           .unit = "s",
+           .description =
+               "Maximum age of driver inputs; older ones count as missing; 0: no driver"})),
       takeover_(read_takeover_limits(context)) {
   load(*state_);
   context.create_subscriber<fastcycle::status::Status>(

@@ -29,9 +29,10 @@ constexpr std::int64_t kDay_ns = 86'400'000'000'000;
 
 double read_degrees(fastcycle::Context& context, std::string_view name, double max) {
   return context
-      .param<double>(
-          name,
-          {.min = -max, .max = max, .unit = "deg", .description = "Of the map's (0, 0), WGS-84"})
+      .param<double>(name, {.min = -max,
+                            .max = max,
+                            .unit = "deg",
+                            .description = "Coordinate of the map's origin, WGS-84"})
       .get();
 }
 
@@ -40,13 +41,15 @@ double read_degrees(fastcycle::Context& context, std::string_view name, double m
 DeviceFakes::DeviceFakes(fastcycle::Context& context)
     : DeviceComponent(context, kSilence_s),
       lidar_model_(context.param<ModelKind>(
-          "lidar_model", {.names = {{"vlp16", ModelKind::kVlp16}, {"hdl64", ModelKind::kHdl64}},
-                          .description = "As what the sweeps are sent; its rings are theirs"})),
+          "lidar_model",
+          {.names = {{"vlp16", ModelKind::kVlp16}, {"hdl64", ModelKind::kHdl64}},
+           .description = "Lidar model of the packets; the sweeps must have its rings"})),
       lidar_address_(context.param<std::string>(
-          "lidar_address", {.fallback = "127.0.0.1", .description = "To which packets are sent"})),
+          "lidar_address",
+          {.fallback = "127.0.0.1", .description = "IP address to which packets are sent"})),
       lidar_port_(context.param<int>("lidar_port", {.fallback = 2368, .min = 1, .max = 65'535})),
       gnss_line_(context.param<fastcycle::Path>(
-          "gnss_line", {.description = "A link that leads to the pseudo terminal"})),
+          "gnss_line", {.description = "Symbolic link to the pseudo terminal"})),
       can_(context.param<fastcycle::Path>(
           "can", {.description = "The path of the fake CAN bus; as `fake` of can_bus"})),
       origin_{.latitude_deg = read_degrees(context, "origin_latitude_deg", 90.0),

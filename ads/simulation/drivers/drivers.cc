@@ -50,44 +50,49 @@ LidarConfig read_lidar(fastcycle::Context& context) {
             {.fallback = fallback, .min = 1, .max = max, .description = std::move(description)})
         .get();
   };
-  lidar.columns = count("lidar.columns", lidar.columns, 36'000, "Azimuths of a turn");
+  lidar.columns =
+      count("lidar.columns", lidar.columns, 36'000, "Number of azimuths per revolution");
   lidar.rings = count("lidar.rings", lidar.rings, 256, "Elevations");
   lidar.elevation_min_deg =
-      angle("lidar.elevation_min_deg", lidar.elevation_min_deg, "Of the lowest ring");
+      angle("lidar.elevation_min_deg", lidar.elevation_min_deg, "Elevation of the lowest ring");
   lidar.elevation_max_deg =
-      angle("lidar.elevation_max_deg", lidar.elevation_max_deg, "Of the highest ring");
+      angle("lidar.elevation_max_deg", lidar.elevation_max_deg, "Elevation of the highest ring");
   lidar.elevations_deg =
       context
-          .param<std::vector<double>>("lidar.elevations_deg",
-                                      {.fallback = lidar.elevations_deg,
-                                       .description = "Of each ring, from the lowest; empty: even"})
+          .param<std::vector<double>>(
+              "lidar.elevations_deg",
+              {.fallback = lidar.elevations_deg,
+               .description = "Elevation of each ring, from the lowest; empty: evenly spaced"})
           .get();
-  lidar.is_clockwise = context
-                           .param<bool>("lidar.is_clockwise", {.fallback = lidar.is_clockwise,
-                                                               .description = "Seen from above"})
-                           .get();
-  lidar.first_azimuth_deg =
-      angle("lidar.first_azimuth_deg", lidar.first_azimuth_deg, "Where a turn begins");
+  lidar.is_clockwise =
+      context
+          .param<bool>("lidar.is_clockwise",
+                       {.fallback = lidar.is_clockwise,
+                        .description = "Whether the sensor turns clockwise, seen from above"})
+          .get();
+  lidar.first_azimuth_deg = angle("lidar.first_azimuth_deg", lidar.first_azimuth_deg,
+                                  "Azimuth at which a revolution begins");
   lidar.range_max_m = number(context, "lidar.range_max_m", lidar.range_max_m, 1000.0, "m",
-                             "Farther things give no return")
+                             "Maximum range of a return")
                           .get();
   lidar.range_stddev_m = number(context, "lidar.range_stddev_m", lidar.range_stddev_m, 10.0, "m",
                                 "Error of each range, 1 sigma")
                              .get();
   lidar.beam_dropout = number(context, "lidar.beam_dropout", lidar.beam_dropout, 1.0, "1",
-                              "Share of the beams that give no return")
+                              "Share of beams without a return")
                            .get();
   lidar.mount_height_m = number(context, "lidar.mount_height_m", lidar.mount_height_m, 10.0, "m",
-                                "Of the sensor above the ground")
+                                "Height of the sensor above the ground")
                              .get();
-  lidar.mount_forward_m = context
-                              .param<double>("lidar.mount_forward_m",
-                                             {.fallback = lidar.mount_forward_m,
-                                              .min = -10.0,
-                                              .max = 10.0,
-                                              .unit = "m",
-                                              .description = "Of the sensor before the centre"})
-                              .get();
+  lidar.mount_forward_m =
+      context
+          .param<double>("lidar.mount_forward_m",
+                         {.fallback = lidar.mount_forward_m,
+                          .min = -10.0,
+                          .max = 10.0,
+                          .unit = "m",
+                          .description = "Distance of the sensor in front of the vehicle's centre"})
+          .get();
   return lidar;
 }
 
@@ -100,24 +105,25 @@ double seconds(std::int64_t span_ns) {
 Drivers::Drivers(fastcycle::Context& context)
     : Component(context),
       lidar_config_(read_lidar(context)),
-      gnss_{.period_s = context.param<double>("gnss.period_s", {.fallback = 0.1,
-                                                                .min = 0.01,
-                                                                .max = 10.0,
-                                                                .unit = "s",
-                                                                .description = "Between fixes"}),
-            .noise_m = number(context, "gnss.noise_m", 0.1, 100.0, "m",
-                              "Error that is new with every fix, 1 sigma and per axis"),
-            .bias_m = number(context, "gnss.bias_m", 0.15, 100.0, "m",
-                             "Error that changes slowly, 1 sigma and per axis"),
-            .bias_time_s = context.param<double>(
-                "gnss.bias_time_s", {.fallback = 60.0,
-                                     .min = 0.01,
-                                     .max = 1e6,
-                                     .unit = "s",
-                                     .description = "Correlation time of the slow error"}),
-            .fix_dropout = context.param<std::uint32_t>(
-                "gnss.fix_dropout",
-                {.fallback = 0, .description = "Of so many fixes one is missing; 0: none"})},
+      gnss_{
+          .period_s = context.param<double>("gnss.period_s", {.fallback = 0.1,
+                                                              .min = 0.01,
+                                                              .max = 10.0,
+                                                              .unit = "s",
+                                                              .description = "Time between fixes"}),
+          .noise_m = number(context, "gnss.noise_m", 0.1, 100.0, "m",
+                            "Independent error of each fix, 1 sigma per axis"),
+          .bias_m =
+              number(context, "gnss.bias_m", 0.15, 100.0, "m", "Slow error, 1 sigma per axis"),
+          .bias_time_s = context.param<double>(
+              "gnss.bias_time_s", {.fallback = 60.0,
+                                   .min = 0.01,
+                                   .max = 1e6,
+                                   .unit = "s",
+                                   .description = "Correlation time of the slow error"}),
+          .fix_dropout = context.param<std::uint32_t>(
+              "gnss.fix_dropout",
+              {.fallback = 0, .description = "One of this number of fixes is missing; 0: none"})},
       imu_{.forward_noise_mps2 = number(context, "imu.forward_noise_mps2", 0.67, 100.0, "m/s^2",
                                         "Error of one measurement, 1 sigma"),
            .left_noise_mps2 = number(context, "imu.left_noise_mps2", 0.29, 100.0, "m/s^2",
@@ -135,18 +141,18 @@ Drivers::Drivers(fastcycle::Context& context)
                                    .unit = "s",
                                    .description = "Correlation time of the offsets"})},
       noise_deviation_(number(context, "noise_deviation", 0.0, 2.0, "1",
-                              "How far errors may be larger or smaller than they are said to be: "
-                              "by a factor of 2 to this power")),
-      seed_(context.param<std::uint64_t>(
-          "seed", {.fallback = 0, .description = "Another number makes other noise"})),
-      lidar_fault_(context.param<LidarFault>("lidar_fault",
-                                             {.fallback = LidarFault::kNone,
-                                              .names = {{"none", LidarFault::kNone},
-                                                        {"nan", LidarFault::kNan},
-                                                        {"empty", LidarFault::kEmpty}},
-                                              .description = "What goes wrong with the sweeps"})),
+                              "Uncertainty of the error sizes: true errors differ by a factor of "
+                              "up to 2 to this power")),
+      seed_(context.param<std::uint64_t>("seed",
+                                         {.fallback = 0, .description = "Seed of the noise"})),
+      lidar_fault_(
+          context.param<LidarFault>("lidar_fault", {.fallback = LidarFault::kNone,
+                                                    .names = {{"none", LidarFault::kNone},
+                                                              {"nan", LidarFault::kNan},
+                                                              {"empty", LidarFault::kEmpty}},
+                                                    .description = "Fault of the sweeps"})),
       lidar_fault_after_s_(number(context, "lidar_fault_after_s", 0.0, 1e9, "s",
-                                  "When that begins, after the start")),
+                                  "Time of the fault, after the start")),
       sweeps_(context.create_publisher<lidar::Sweep>("lidar/points")),
       positions_(context.create_publisher<gnss::Position>("gnss/position")),
       motions_(context.create_publisher<motion::Imu>("imu/motion")) {

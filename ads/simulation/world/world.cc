@@ -109,17 +109,17 @@ World::World(fastcycle::Context& context)
       trajectory_(context.param<fastcycle::Path>(
           "trajectory",
           {.fallback = fastcycle::Path(),
-           .description = "Where the way of the ego vehicle is written (CSV); empty: nowhere"})),
+           .description = "CSV file for the trajectory of the ego vehicle; empty: none"})),
       bodies_(context.param<fastcycle::Path>(
-          "bodies", {.fallback = fastcycle::Path(),
-                     .description = "Where the places of all others are written (CSV), at the same "
-                                    "times; empty: nowhere"})),
+          "bodies",
+          {.fallback = fastcycle::Path(),
+           .description = "CSV file for the poses of all others, at the same times; empty: none"})),
       mode_(context.param<TrafficMode>(
           "traffic",
           {.fallback = TrafficMode::kReplay,
            .names = {{"replay", TrafficMode::kReplay}, {"reactive", TrafficMode::kReactive}},
-           .description = "Whether cars behind the ego vehicle follow it instead of their "
-                          "recording when they would run into it"})),
+           .description = "Whether cars behind the ego vehicle leave their recording and follow it "
+                          "to avoid a collision"})),
       driver_(context.param<DriverMode>("driver",
                                         {.fallback = DriverMode::kNone,
                                          .names = {{"none", DriverMode::kNone},
@@ -133,45 +133,44 @@ World::World(fastcycle::Context& context)
                              .min = 0.0,
                              .max = 1e6,
                              .unit = "s",
-                             .description = "When that begins, after the scenario has"})),
-      settle_s_(context.param<double>("settle_s",
-                                      {.fallback = 2.0,
-                                       .min = 0.0,
-                                       .max = 60.0,
-                                       .unit = "s",
-                                       .description = "How long before the scenario the world "
-                                                      "begins; a multiple of 0.01"})),
-      linger_s_(context.param<double>("linger_s",
-                                      {.fallback = 0.5,
-                                       .min = 0.0,
-                                       .max = 3600.0,
-                                       .unit = "s",
-                                       .description = "How long the run goes on at the goal"})),
-      overtime_s_(context.param<double>(
-          "overtime_s",
-          {.fallback = 5.0,
+                             .description = "Time of that, after the start of the scenario"})),
+      settle_s_(context.param<double>(
+          "settle_s",
+          {.fallback = 2.0,
            .min = 0.0,
-           .max = 3600.0,
+           .max = 60.0,
            .unit = "s",
-           .description = "How long a vehicle that has missed the goal has to come to a stop"})),
+           .description =
+               "Time for which the world runs before the scenario; a multiple of 0.01"})),
+      linger_s_(context.param<double>(
+          "linger_s", {.fallback = 0.5,
+                       .min = 0.0,
+                       .max = 3600.0,
+                       .unit = "s",
+                       .description = "Time for which the run continues at the goal"})),
+      overtime_s_(context.param<double>(
+          "overtime_s", {.fallback = 5.0,
+                         .min = 0.0,
+                         .max = 3600.0,
+                         .unit = "s",
+                         .description = "Time for a vehicle that has missed the goal to stop"})),
       deviation_(context.param<double>(
           "deviation", {.fallback = 0.0,
                         .min = 0.0,
                         .max = 2.0,
                         .unit = "1",
-                        .description = "How far the vehicle may differ from what the controller "
-                                       "takes it for: a share of the bounds in README.md"})),
+                        .description = "Deviation of the vehicle from the controller's model, as a "
+                                       "share of the bounds in README.md"})),
       clutter_share_(context.param<double>(
-          "clutter",
-          {.fallback = 0.0,
-           .min = 0.0,
-           .max = 10.0,
-           .unit = "1",
-           .description = "How much stands beside the road: posts, bushes and walls; 1: one at "
-                          "about each 12 m of an edge"})),
+          "clutter", {.fallback = 0.0,
+                      .min = 0.0,
+                      .max = 10.0,
+                      .unit = "1",
+                      .description = "Density of posts, bushes and walls beside the road; 1: about "
+                                     "one per 12 m of an edge"})),
       seed_(context.param<std::uint64_t>(
           "seed",
-          {.fallback = 0, .description = "Another number draws another vehicle and clutter"})),
+          {.fallback = 0, .description = "Seed of the vehicle's deviation and the clutter"})),
       limits_(read_limits(context)),
       actuators_(read_actuators(context)),
       scenes_(context.create_publisher<world::Scene>("world/scene")),
@@ -199,44 +198,46 @@ EgoLimits World::read_limits(fastcycle::Context& context) {
       .width_m = read("ego.width_m", usual.width_m, 5.0, "m", "The ego vehicle's box"),
       .height_m = read("ego.height_m", usual.height_m, 5.0, "m", "The ego vehicle's box"),
       .wheelbase_m = read("ego.wheelbase_m", usual.wheelbase_m, 20.0, "m",
-                          "Between its axles, which are as far from its centre"),
+                          "Distance between its axles, which are symmetric to its centre"),
       .steering_max_rad = read("ego.steering_max_rad", usual.steering_max_rad, 1.5, "rad",
-                               "Of the front wheels, to either side"),
+                               "Maximum steering angle of the front wheels, to each side"),
       .steering_rate_max_radps = read("ego.steering_rate_max_radps", usual.steering_rate_max_radps,
-                                      10.0, "rad/s", "How fast the front wheels turn"),
+                                      10.0, "rad/s", "Maximum steering rate of the front wheels"),
       .acceleration_max_mps2 = read("ego.acceleration_max_mps2", usual.acceleration_max_mps2, 20.0,
-                                    "m/s2", "What the drive can do"),
+                                    "m/s2", "Maximum acceleration of the drive"),
       .deceleration_max_mps2 = read("ego.deceleration_max_mps2", usual.deceleration_max_mps2, 20.0,
-                                    "m/s2", "What the brakes can do")};
+                                    "m/s2", "Maximum deceleration of the brakes")};
 }
 
 Actuators::Options World::read_actuators(fastcycle::Context& context) {
   const Actuators::Options usual;
-  return {.delay_s = context
-                         .param<double>("actuator_delay_s",
-                                        {.fallback = usual.delay_s,
-                                         .min = 0.0,
-                                         .max = 1.0,
-                                         .unit = "s",
-                                         .description = "From a command to its effect"})
-                         .get(),
-          .timeout_s = context
-                           .param<double>("command_timeout_s",
-                                          {.fallback = usual.timeout_s,
-                                           .min = 0.01,
-                                           .max = 10.0,
-                                           .unit = "s",
-                                           .description = "The vehicle brakes by itself when "
-                                                          "commands cease for so long"})
-                           .get(),
-          .timeout_braking_mps2 =
-              context
-                  .param<double>("timeout_braking_mps2", {.fallback = usual.timeout_braking_mps2,
-                                                          .min = 0.1,
-                                                          .max = 20.0,
-                                                          .unit = "m/s2",
-                                                          .description = "How hard it does so"})
-                  .get()};
+  return {
+      .delay_s = context
+                     .param<double>("actuator_delay_s",
+                                    {.fallback = usual.delay_s,
+                                     .min = 0.0,
+                                     .max = 1.0,
+                                     .unit = "s",
+                                     .description = "Delay from a command to its effect"})
+                     .get(),
+      .timeout_s =
+          context
+              .param<double>(
+                  "command_timeout_s",
+                  {.fallback = usual.timeout_s,
+                   .min = 0.01,
+                   .max = 10.0,
+                   .unit = "s",
+                   .description = "Time without commands after which the vehicle brakes by itself"})
+              .get(),
+      .timeout_braking_mps2 = context
+                                  .param<double>("timeout_braking_mps2",
+                                                 {.fallback = usual.timeout_braking_mps2,
+                                                  .min = 0.1,
+                                                  .max = 20.0,
+                                                  .unit = "m/s2",
+                                                  .description = "Deceleration of that braking"})
+                                  .get()};
 }
 
 void World::start() {

@@ -20,7 +20,7 @@ class FaultyPerception final : public Perception {
                                               {.fallback = PerceptionFault::kException,
                                                .names = {{"exception", PerceptionFault::kException},
                                                          {"stall", PerceptionFault::kStall}},
-                                               .description = "What goes wrong"})),
+                                               .description = "Kind of fault"})),
         after_s_(context.param<double>("after_s", {.fallback = 5.0, .min = 0.0, .unit = "s"})),
         stall_s_(context.param<double>("stall_s", {.fallback = 3.0, .min = 0.0, .unit = "s"})) {
     context.create_subscriber<lidar::Sweep>("lidar/points",

@@ -23,7 +23,7 @@ class ReloadedPerception final : public Perception {
                                                            {"exception", ReloadFault::kException},
                                                            {"hang", ReloadFault::kHang},
                                                            {"slow", ReloadFault::kSlow}},
-                                                 .description = "What goes wrong"})),
+                                                 .description = "Kind of fault"})),
         stall_ms_(
             context.param<double>("stall_ms", {.fallback = 100.0, .min = 0.0, .unit = "ms"})) {
     context.create_timer({.period = std::chrono::milliseconds(50)}, [this] { fail(); });

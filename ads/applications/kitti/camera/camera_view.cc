@@ -53,7 +53,7 @@ CameraView::CameraView(fastcycle::Context& context)
           "data", {.description = "The drive's folder, for its calibration"})),
       picture_file_(context.param<fastcycle::Path>(
           "picture", {.fallback = fastcycle::Path("camera.png"),
-                      .description = "Where the last picture with its boxes is written"})),
+                      .description = "File for the last image with its boxes"})),
       mount_forward_m_(
           metres(context, "mount_forward_m", -0.6, "Of the lidar before the vehicle's centre")),
       mount_height_m_(metres(context, "mount_height_m", 1.73, "Of the lidar above the ground")),

@@ -41,7 +41,8 @@ LidarDriver::LidarDriver(fastcycle::Context& context)
       passes_(count(context, "passes", 1, 10'000,
                     "How often the drive is played; each second time backwards")),
       is_clockwise_(context.param<bool>(
-          "is_clockwise", {.fallback = true, .description = "How the sensor turns, from above"})),
+          "is_clockwise",
+          {.fallback = true, .description = "Rotation of the sensor, seen from above"})),
       mount_forward_m_(
           metres(context, "mount_forward_m", -0.6, "Of the sensor before the vehicle's centre")),
       mount_height_m_(metres(context, "mount_height_m", 1.73, "Of the sensor above the ground")),

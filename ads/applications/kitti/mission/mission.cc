@@ -34,11 +34,11 @@ class Mission final : public fastcycle::Component {
  public:
   explicit Mission(fastcycle::Context& context)
       : Component(context),
-        begin_x_m_(place(context, "begin_x_m", "m", "Where the vehicle is at first")),
-        begin_y_m_(place(context, "begin_y_m", "m", "The same")),
-        begin_heading_rad_(place(context, "begin_heading_rad", "rad", "Its heading then")),
-        goal_x_m_(place(context, "goal_x_m", "m", "Where it is to go")),
-        goal_y_m_(place(context, "goal_y_m", "m", "The same")),
+        begin_x_m_(place(context, "begin_x_m", "m", "Initial position of the vehicle")),
+        begin_y_m_(place(context, "begin_y_m", "m", "Initial position of the vehicle")),
+        begin_heading_rad_(place(context, "begin_heading_rad", "rad", "Initial heading")),
+        goal_x_m_(place(context, "goal_x_m", "m", "Goal position")),
+        goal_y_m_(place(context, "goal_y_m", "m", "Goal position")),
         poses_(context.create_publisher<mission::InitialPose>("mission/initial_pose")),
         goals_(context.create_publisher<mission::Goal>("mission/goal")),
         states_(context.create_publisher<vehicle::State>("vehicle/state")) {

@@ -28,13 +28,13 @@ ads::PoseFilterConfig read_filter_config(fastcycle::Context& context) {
   };
   ads::PoseFilterConfig config;
   config.fix_bias_stddev_m = value("fix_bias_stddev_m", standard.fix_bias_stddev_m, "m",
-                                   "Slow error of the receiver: its size, 1 sigma and per axis");
+                                   "Slow error of the receiver, 1 sigma per axis");
   config.fix_bias_time_s = value("fix_bias_time_s", standard.fix_bias_time_s, "s",
-                                 "Slow error of the receiver: its correlation time");
+                                 "Correlation time of the slow error of the receiver");
   config.fix_noise_m = value("fix_noise_m", standard.fix_noise_m, "m",
-                             "Error that is new with every fix, 1 sigma and per axis");
+                             "Independent error of each fix, 1 sigma per axis");
   config.wheel_scale_stddev = value("wheel_scale_stddev", standard.wheel_scale_stddev, "1",
-                                    "True speed over wheel speed: how far from 1, 1 sigma");
+                                    "Scale error of the wheel speed, 1 sigma");
   config.wheel_scale_walk_per_sqrt_s =
       value("wheel_scale_walk_per_sqrt_s", standard.wheel_scale_walk_per_sqrt_s, "1/sqrt(s)",
             "Random walk of the wheel scale");
@@ -48,26 +48,27 @@ ads::PoseFilterConfig read_filter_config(fastcycle::Context& context) {
       value("yaw_walk_rad_per_sqrt_s", standard.yaw_walk_rad_per_sqrt_s, "rad/sqrt(s)",
             "Random walk of the yaw angle: noise of the gyroscope");
   config.gyro_bias_stddev_radps = value("gyro_bias_stddev_radps", standard.gyro_bias_stddev_radps,
-                                        "rad/s", "Offset of the gyroscope: its size, 1 sigma");
+                                        "rad/s", "Bias of the gyroscope, 1 sigma");
   config.gyro_bias_walk_radps_per_sqrt_s =
       value("gyro_bias_walk_radps_per_sqrt_s", standard.gyro_bias_walk_radps_per_sqrt_s,
             "rad/s/sqrt(s)", "Random walk of the gyroscope's offset");
   config.gyro_noise_radps = value("gyro_noise_radps", standard.gyro_noise_radps, "rad/s",
                                   "Noise of one measurement of the gyroscope, 1 sigma");
   config.course_stddev_rad = value("course_stddev_rad", standard.course_stddev_rad, "rad",
-                                   "Error of the course with which the heading begins, 1 sigma");
+                                   "Error of the course that initializes the heading, 1 sigma");
   config.course_noise_rad = value("course_noise_rad", standard.course_noise_rad, "rad",
                                   "Noise of every later course, 1 sigma");
   config.course_speed_min_mps = value("course_speed_min_mps", standard.course_speed_min_mps, "m/s",
-                                      "Speed from which the receiver's course is used");
+                                      "Minimum speed at which the receiver's course is used");
   config.rear_axle_to_point_m =
       context
-          .param<double>("rear_axle_to_point_m",
-                         {.fallback = standard.rear_axle_to_point_m,
-                          .min = -10.0,
-                          .max = 10.0,
-                          .unit = "m",
-                          .description = "From the rear axle forward to the estimated point"})
+          .param<double>(
+              "rear_axle_to_point_m",
+              {.fallback = standard.rear_axle_to_point_m,
+               .min = -10.0,
+               .max = 10.0,
+               .unit = "m",
+               .description = "Distance of the estimated point in front of the rear axle"})
           .get();
   return config;
 }
@@ -84,12 +85,11 @@ bool is_usable(const gnss::Fix& fix) {
 Localization::Localization(fastcycle::Context& context)
     : Component(context),
       fix_delay_s_(context.param<double>(
-          "fix_delay_s",
-          {.fallback = 0.0,
-           .min = 0.0,
-           .max = 1.0,
-           .unit = "s",
-           .description = "How old a position is when its fix arrives, in the mean"})),
+          "fix_delay_s", {.fallback = 0.0,
+                          .min = 0.0,
+                          .max = 1.0,
+                          .unit = "s",
+                          .description = "Mean age of a position when its fix arrives"})),
       level_(context
                  .param<double>("level_time_s",
                                 positive(5.0, "s", "Time over which the vertical is averaged"))

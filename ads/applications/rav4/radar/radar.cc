@@ -40,8 +40,8 @@ void Radar::stop() {
 
 fastcycle::Param<std::string> Radar::name(fastcycle::Context& context, std::string_view param,
                                           const std::string& fallback) {
-  return context.param<std::string>(
-      param, {.fallback = fallback, .description = "A name in the DBC file"});
+  return context.param<std::string>(param,
+                                    {.fallback = fallback, .description = "Name in the DBC file"});
 }
 
 void Radar::on_frame(const can::Frame& frame) {

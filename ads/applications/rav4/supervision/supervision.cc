@@ -59,17 +59,19 @@ void Supervision::watch(fastcycle::Context& context, std::string_view topic,
                         std::function<void(const T&)> and_then) {
   const double rate_hz =
       context
-          .param<double>(name + ".rate_min_hz", {.fallback = defaults.rate_hz,
-                                                 .min = 0.0,
-                                                 .unit = "Hz",
-                                                 .description = "Slower is degraded"})
+          .param<double>(name + ".rate_min_hz",
+                         {.fallback = defaults.rate_hz,
+                          .min = 0.0,
+                          .unit = "Hz",
+                          .description = "Below this rate, the state is degraded"})
           .get();
   const double age_s = context
-                           .param<double>(name + ".age_max_s", {.fallback = defaults.age_s,
-                                                                .min = 0.0,
-                                                                .max = 1e6,
-                                                                .unit = "s",
-                                                                .description = "Older is degraded"})
+                           .param<double>(name + ".age_max_s",
+                                          {.fallback = defaults.age_s,
+                                           .min = 0.0,
+                                           .max = 1e6,
+                                           .unit = "s",
+                                           .description = "Above this age, the state is degraded"})
                            .get();
   const std::size_t index = streams_.size();
   streams_.emplace_back(StreamLimits{.name = std::string(topic),
@@ -89,9 +91,9 @@ Supervision::Supervision(fastcycle::Context& context)
     : Component(context),
       picture_file_(context.param<fastcycle::Path>(
           "picture", {.fallback = fastcycle::Path("drive.svg"),
-                      .description = "Where the drive is drawn; empty: nowhere"})),
+                      .description = "SVG file of the drive; empty: none"})),
       title_(context.param<std::string>(
-          "title", {.fallback = "A drive", .description = "What stands above the picture"})),
+          "title", {.fallback = "A drive", .description = "Title of the picture"})),
       position_limits_{.degraded_stddev_m = stddev(context, "position_degraded_stddev_m", 5.0),
                        .lost_stddev_m = stddev(context, "position_lost_stddev_m", 20.0)},
       statuses_(context.create_publisher<supervision::Status>("supervision/status")) {
@@ -135,7 +137,7 @@ double Supervision::stddev(fastcycle::Context& context, std::string_view name, d
       .param<double>(name, {.fallback = fallback,
                             .min = 0.0,
                             .unit = "m",
-                            .description = "1 sigma of the position beyond which it is not that"})
+                            .description = "Maximum 1 sigma of the position for this state"})
       .get();
 }
 

@@ -17,7 +17,7 @@ std::span<const std::uint8_t> payload_of(const can::Frame& frame) {
 Vehicle::Vehicle(fastcycle::Context& context)
     : Component(context),
       dbc_(context.param<fastcycle::Path>(
-          "dbc", {.description = "The DBC file of the bus that has the wheel speeds"})),
+          "dbc", {.description = "The DBC file of the bus with the wheel speeds"})),
       bus_(context.param<std::uint32_t>(
           "bus", {.fallback = 0, .max = 255, .description = "The number of that bus"})),
       wheel_message_(name(context, "wheel_message", "WHEEL_SPEEDS")),
@@ -58,8 +58,8 @@ void Vehicle::stop() {
 
 fastcycle::Param<std::string> Vehicle::name(fastcycle::Context& context, std::string_view param,
                                             const std::string& fallback) {
-  return context.param<std::string>(
-      param, {.fallback = fallback, .description = "A name in the DBC file"});
+  return context.param<std::string>(param,
+                                    {.fallback = fallback, .description = "Name in the DBC file"});
 }
 
 void Vehicle::on_frame(const can::Frame& frame) {
