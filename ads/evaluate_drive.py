@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Judges a drive by the scenario and the way that was driven, with nothing of the programs that drove.
+"""Judges a drive by its scenario and trajectory, independently of the programs that drove.
 
     evaluate_drive.py SCENARIO.xml TRAJECTORY.csv [--no-traffic | --bodies BODIES.csv]
 
-The way has the columns time_s,x_m,y_m,heading_rad,speed_mps of the vehicle's centre, a row each 0.1 s from the
+The trajectory has the columns time_s,x_m,y_m,heading_rad,speed_mps of the vehicle's centre, a row each 0.1 s from the
 initial state of the scenario's first planning problem. Prints a JSON document: the step at which the goal state was
 reached, the smallest gap to the recorded bodies, which were touched and whose fault the first contact was, how often
-the centre was off the road (on no lanelet, nor within 0.05 m of one) and how far the body was over the edge, and the accelerations between rows.
+the centre was off the road (on no lanelet, nor within 0.05 m of one) and how far the body was outside the road, and the accelerations between rows.
 Exit code 0 if the goal was reached, nothing touched, and the centre always on the road; 1 if not; 2 for wrong input.
-`--no-traffic` leaves the recorded bodies out; `--bodies` takes them from a file that `world` wrote, for traffic that did
+`--no-traffic` ignores the recorded bodies; `--bodies` takes them from a file that `world` wrote, for traffic that did
 not follow the recording.
 
 Whose fault a contact is follows the metric "no ego at-fault collisions" of the nuPlan benchmark (Karnchanachari et al.,

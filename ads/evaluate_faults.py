@@ -1,22 +1,22 @@
 #!/usr/bin/env python3
-"""Drives an application once for each of its components and each kind of fault, and says what became of it.
+"""Drives an application once for each of its components and each kind of fault, and reports the results.
 
     evaluate_faults.py APP.json [--fastcycle PROGRAM] [--at S] [--for S] [--without COMPONENT ...] [--jobs N]
                        [--out DIR] [-- WORD ...]
 
-Each drive is simulated, and has one fault, which begins AT seconds after the start of the timers (6):
+Each drive is simulated and has one fault, which begins AT seconds after the start of the timers (6):
 
-  throw      the component throws once; what follows is what its "on_fault" says
-  restart    it is made anew
-  slow       for 2 s each of its turns takes 300 ms longer
-  silent     from then on nothing that it publishes arrives
-  frozen     from then on the last of what it publishes is repeated
-  killed     it runs in a process of its own, which is killed, and not restarted: "on_exit" is "continue"
+  throw      the component throws once; its "on_fault" applies
+  restart    the component is created again
+  slow       for 2 s each of its activations takes 300 ms longer
+  silent     from then on its messages are lost
+  frozen     from then on its last messages are repeated
+  killed     it runs in a separate process, which is killed and not restarted: "on_exit" is "continue"
 
-Prints a table in Markdown; DIR/faults.json has the same, and DIR an overlay for each drive, which repeats it:
-fastcycle run APP.json --overlay DIR/NAME.json --clock simulated. WORDs go to each run. What is noticed is the first change of
+Prints a Markdown table, also written to DIR/faults.json; DIR contains an overlay that repeats each drive:
+fastcycle run APP.json --overlay DIR/NAME.json --clock simulated. WORDs are passed to each run. A fault is noticed at the first change of
 the state of supervision after the fault that the drive without a fault does not have at that time, as the log has it.
-Exit code: 0 if nothing was touched in any drive, 1 if something was, 2 for wrong input.
+Exit code: 0 without collisions, 1 with a collision in any drive, 2 for wrong input.
 """
 
 import argparse
@@ -130,13 +130,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("application", metavar="APP.json")
     parser.add_argument("--fastcycle", default="fastcycle", help="the program: fastcycle")
-    parser.add_argument("--at", type=float, default=6.0, help="when the fault begins, s: 6")
-    parser.add_argument("--for", dest="length", type=float, default=25.0, help="how long a drive is at most, s: 25")
-    parser.add_argument("--component", action="append", default=[], help="only this one (repeatable)")
-    parser.add_argument("--without", action="append", default=[], help="all but this one (repeatable)")
-    parser.add_argument("--kind", action="append", choices=KINDS, help="only this kind (repeatable)")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="drives beside each other: as many as there are CPUs")
-    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("faults"), help="folder of what is found: faults")
+    parser.add_argument("--at", type=float, default=6.0, help="begin of the fault, in s (6)")
+    parser.add_argument("--for", dest="length", type=float, default=25.0, help="maximum duration of a drive, in s (25)")
+    parser.add_argument("--component", action="append", default=[], help="only this component (repeatable)")
+    parser.add_argument("--without", action="append", default=[], help="all components but this one (repeatable)")
+    parser.add_argument("--kind", action="append", choices=KINDS, help="only this kind of fault (repeatable)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="number of parallel drives (that of CPUs)")
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("faults"), help="output folder (faults)")
     options = parser.parse_args(words[:own])
     options.words = words[own + 1 :]
     options.application = os.path.abspath(options.application)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Drives the ADS through every CommonRoad scene that is named, and says what became of each drive, by kind of road and cause.
+"""Drives the ADS through the given CommonRoad scenes, and reports the results by kind of road and cause.
 
     evaluate_scenes.py FOLDER_OR_FILE ... [--fastcycle PROGRAM] [--jobs N] [--traffic replay|reactive] [--out DIR]
                        [--compare EARLIER.json] [--expect KNOWN.json] [--shuffle SEED] [--seconds S] [--pages] [--limit-s S]
                        [-- WORD ...]
 
-Each scene is driven on simulated time, and ends by itself: at the goal, or after the goal's time (world's README). It is
+Each scene is driven in simulated time and ends at the goal or after the goal's time (README of world). It is
 judged by evaluate_drive.py, from the scenario's file, the way that was driven, and, where traffic reacts, the places of all
 others as the world wrote them. The classes, the first that holds:
 
@@ -20,10 +20,10 @@ others as the world wrote them. The classes, the first that holds:
   solved, gap < 0.5 m         the smallest gap to another was below 0.5 m, and smaller than at the start
   solved
 
-Prints a line for each scene as it ends, a table in Markdown, and what was won and lost against EARLIER.json. DIR has scenes.json
+Prints a line for each scene as it ends, a Markdown table, and the improvements and regressions since EARLIER.json. DIR has scenes.json
 with an entry for each scene, scenes.html with the table and the drives' pictures, and a folder with the files of each drive;
-with --pages also a page that plays it. A scene whose drive is there, of the same program, scene and settings, is not driven
-again. WORDs go to each run. KNOWN.json, which may be an earlier scenes.json, has the class in which each scene is known to end.
+with --pages also a page that plays it. A scene with an existing drive of the same program, scene and settings is not driven
+again. WORDs are passed to each run. KNOWN.json, which may be an earlier scenes.json, has the class in which each scene is known to end.
 Exit code: 0; 1 if a scene ended in a worse class than the known one, or, where none is known, had a collision of its own fault,
 left the road, was refused or timed out; 2 for an error in the command; 130 if interrupted, with what was done until then.
 """
@@ -343,17 +343,17 @@ def read_options(words):
     own = words.index("--") if "--" in words else len(words)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="+", type=pathlib.Path, metavar="FOLDER_OR_FILE")
-    parser.add_argument("--application", type=pathlib.Path, default=HERE / "ads.json", help="what drives: ads.json beside this")
+    parser.add_argument("--application", type=pathlib.Path, default=HERE / "ads.json", help="the application (ads.json beside this file)")
     parser.add_argument("--fastcycle", default="fastcycle", help="the program: fastcycle")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="drives beside each other: as many as there are CPUs")
-    parser.add_argument("--traffic", choices=list(HIT), default="replay", help="what others do: replay")
-    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("scenes"), help="folder of what is found: scenes")
-    parser.add_argument("--compare", type=pathlib.Path, metavar="EARLIER.json", help="report what was won and lost")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="number of parallel drives (that of CPUs)")
+    parser.add_argument("--traffic", choices=list(HIT), default="replay", help="behavior of other road users (replay)")
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("scenes"), help="output folder (scenes)")
+    parser.add_argument("--compare", type=pathlib.Path, metavar="EARLIER.json", help="report improvements and regressions since this file")
     parser.add_argument("--expect", type=pathlib.Path, metavar="KNOWN.json", help="fail if a scene ends in a worse class than in this file")
-    parser.add_argument("--shuffle", type=int, metavar="SEED", help="drive the scenes in an order of chance, which the seed gives again")
-    parser.add_argument("--seconds", type=float, metavar="S", help="begin no drive after so many seconds")
+    parser.add_argument("--shuffle", type=int, metavar="SEED", help="drive the scenes in a random order, determined by this seed")
+    parser.add_argument("--seconds", type=float, metavar="S", help="begin no drive after this time, in seconds")
     parser.add_argument("--pages", action="store_true", help="render a page of each drive (some MB each)")
-    parser.add_argument("--limit-s", type=float, default=300.0, help="the longest that a run may take, s: 300")
+    parser.add_argument("--limit-s", type=float, default=300.0, help="time limit of a run, in s (300)")
     options = parser.parse_args(words[:own])
     options.words = words[own + 1 :]
     options.application = options.application.resolve()

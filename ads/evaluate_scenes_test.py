@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What evaluate_scenes.py says of the classes in which scenes ended."""
+"""Tests the classes that evaluate_scenes.py assigns to scenes."""
 
 import unittest
 

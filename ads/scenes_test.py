@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Drives the ADS through some scenes that nobody chose for it, and expects each to be solved (evaluate_scenes.py).
+"""Drives the ADS through scenes that it was not tuned on, and expects each to be solved (evaluate_scenes.py).
 
     scenes_test.py FASTCYCLE
 

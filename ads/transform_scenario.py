@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Turns and moves a CommonRoad scenario (2018b or 2020a), and puts standing cars into it.
+"""Rotates and shifts a CommonRoad scenario (2018b or 2020a), and adds standing cars.
 
     transform_scenario.py IN.xml OUT.xml [--rotate-deg 90] [--shift X Y] [--car X Y HEADING_DEG ...]
 
-The scene is turned around the origin, counter-clockwise, and then moved. Cars of 4.5 m by 1.8 m stand
+The scene is rotated counter-clockwise around the origin and then shifted. Cars of 4.5 m by 1.8 m stand
 in the scene from its first step on; their places are those of IN.xml.
 """
 

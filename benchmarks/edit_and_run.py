@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""How long from saving one source of the ADS until the changed ADS has run: the build of what depends on it, then one
+"""Measures the time from saving one source of the ADS until the changed ADS has run: the build of its dependents, then one
 simulated second of ads/ads.json. `./dev bench edit` calls it.
 
-The source of each module that has the most lines is touched, and compiled without what a compiler cache remembers: as after
+The largest source of each module is touched and compiled without a compiler cache, as after
 an edit of it."""
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ MODULES = ("connectivity", "control", "drivers", "hd_map", "localization", "moti
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench edit", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    line.add_argument("--preset", default="release", help="release unless given")
-    line.add_argument("--rounds", type=int, default=3, help="3 unless given; the median counts")
+    line.add_argument("--preset", default="release", help="the preset (release)")
+    line.add_argument("--rounds", type=int, default=3, help="number of rounds (3); the median is reported")
     line.add_argument("modules", nargs="*", metavar="MODULE", help=f"of {', '.join(MODULES)}; all unless given")
     chosen = line.parse_args(words)
     for name in chosen.modules:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How long a thread that wakes up waits for one of lower priority that runs on its CPU, for several ways to give that one
+"""Measures how long a woken thread waits for a running thread of lower priority on its CPU, for several ways to set
 a lower priority. `./dev bench give-way` calls it. `base::give_way` is nice-10-slice.
 
 Both are processes of this script on one CPU. One computes for 8 ms of each 20 ms, and notes from when to when it ran; the
@@ -36,9 +36,9 @@ WAYS = {"nice-0": (0, 0), "nice-10": (10, 0), "nice-19": (19, 0), "nice-10-slice
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench give-way", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    line.add_argument("--rounds", type=int, default=10, help="10 unless given; in each all ways are measured")
-    line.add_argument("--seconds", type=float, default=3, help="of each way in a round, 3 unless given")
-    line.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS), help="all unless given")
+    line.add_argument("--rounds", type=int, default=10, help="number of rounds, each with all ways (10)")
+    line.add_argument("--seconds", type=float, default=3, help="duration of each way in a round (3)")
+    line.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS), help="the ways to measure (all)")
     chosen = line.parse_args(words)
     if chosen.rounds < 1 or chosen.seconds <= 0:
         line.error("--rounds and --seconds must be more than 0")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What the live server and its clients cost the components of an application. `./dev bench live` calls it.
+"""Measures the cost of the live server and its clients for the components of an application. `./dev bench live` calls it.
 
 A source publishes every millisecond, and a sink on an executor of its own takes the time from publish to callback. In each round
 this runs without a server, with a server, with one client that has subscribed to all topics, and with CLIENTS of them; the order
@@ -33,11 +33,11 @@ WARMUP = 500
 
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench live", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    line.add_argument("--build", type=pathlib.Path, default="build/release", help="the build tree: build/release")
-    line.add_argument("--rounds", type=int, default=7, help="7 unless given")
-    line.add_argument("--seconds", type=int, default=6, help="of each run, 6 unless given")
-    line.add_argument("--clients", type=int, default=50, help="of the last way, 50 unless given")
-    line.add_argument("--bytes", type=int, default=1024, help="of a message, 1024 unless given")
+    line.add_argument("--build", type=pathlib.Path, default="build/release", help="the build folder (build/release)")
+    line.add_argument("--rounds", type=int, default=7, help="number of rounds (7)")
+    line.add_argument("--seconds", type=int, default=6, help="duration of each run (6)")
+    line.add_argument("--clients", type=int, default=50, help="number of clients in the last configuration (50)")
+    line.add_argument("--bytes", type=int, default=1024, help="size of a message (1024)")
     options = line.parse_args(words)
     if options.rounds < 1 or options.seconds < 1 or options.clients < 1:
         line.error("--rounds, --seconds and --clients are 1 at least")

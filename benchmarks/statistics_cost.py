@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""What the histograms that are always on cost a message: `fastcycle bench chain` of one thread, with them and built
+"""Measures the cost of the permanent histograms per message: `fastcycle bench chain` of one thread, with them and built
 without them, in turn. `./dev bench statistics` calls it.
 
-From the first publish to the last callback of a chain nobody sleeps and nobody wakes: divided by its hand-overs this is
-what one message costs, all of publish, delivery, callback and statistics."""
+No thread sleeps or wakes between the first publish and the last callback of a chain: that time divided by the number of
+hops is the cost of one message, including publish, delivery, callback and statistics."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ BOUND_NS = 50
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench statistics", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    line.add_argument("--rounds", type=int, default=20, help="20 unless given; in each both are measured")
-    line.add_argument("--count", type=int, default=2000, help="messages through the chain a round, 2000 unless given")
-    line.add_argument("--hops", type=int, default=32, help="hand-overs in the chain, 32 unless given")
-    line.add_argument("--interval-us", type=int, default=500, help="from one message to the next, 500 unless given")
-    line.add_argument("--size", default="64", help="bytes of a message, 64 unless given")
+    line.add_argument("--rounds", type=int, default=20, help="number of rounds, each with both builds (20)")
+    line.add_argument("--count", type=int, default=2000, help="messages through the chain per round (2000)")
+    line.add_argument("--hops", type=int, default=32, help="number of hops of the chain (32)")
+    line.add_argument("--interval-us", type=int, default=500, help="interval between messages (500)")
+    line.add_argument("--size", default="64", help="message size in bytes (64)")
     line.add_argument("--programs", nargs=2, type=pathlib.Path, metavar=("ON", "OFF"),
-                      help="these two, and builds nothing")  # fmt: skip
+                      help="use these two programs, and build nothing")  # fmt: skip
     chosen = line.parse_args(words)
     for name in ("rounds", "count", "hops", "interval_us"):
         if getattr(chosen, name) < 1:

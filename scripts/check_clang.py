@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Compiles every source of a configured build folder with clang as far as its warnings, and makes nothing.
+"""Checks every source of a configured build folder for warnings of clang, without output files.
 
     check_clang.py BUILD_FOLDER [JOBS]
 
-The folder is configured for clang (`cmake --preset clang`). What clang says of a source is printed; the exit
-status is 1 if it said anything.
+The folder is configured for clang (`cmake --preset clang`). The messages of clang are printed; the exit
+status is 1 if there are any.
 """
 
 import concurrent.futures

@@ -1,20 +1,20 @@
 #!/usr/bin/env python3
-"""Checks that knowledge goes one way. Prints `place: what is wrong` and ends with 1 if anything is.
+"""Checks that dependencies are one-way. Prints `place: error`; exits with 1 if there is any.
 
   src/<library>     may include itself and what its fastcycle_library() DEPENDS on, at any distance;
                     its tests (x_test.cc, test_x.h) also its TEST_DEPENDS
-  units of src      (x.h and x.cc) include each other in no circle
+  units of src      (x.h and x.cc) do not include each other in a cycle
   include/fastcycle may include other headers of include/fastcycle, nothing of src
   transforms, ads, examples, benchmarks  may include fastcycle/..., generated messages, and files of
                     their own folder
   ads/modules, ads/devices, ads/common   include nothing of ads/simulation, ads/applications, ads/testing;
                     an application nothing of another one
-  tools/fastcycle   prints by print.h, which shows what would steer a terminal
-  anywhere          no TODO of the kind `now` is left
+  tools/fastcycle   prints by print.h, which escapes control characters
+  anywhere          contains no TODO of the kind `now`
 
 Usage: check_includes.py [--headers] [--self-test] [root]
-  --headers    also compiles each public header alone, so that none needs another one before it
-  --self-test  tries the checks on a small tree of errors, and on one without
+  --headers    also compiles each public header alone, to check that it is self-contained
+  --self-test  tests the checks on a small tree with errors and on one without
 """
 
 import argparse

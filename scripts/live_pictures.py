@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Makes the pictures of docs/pictures that show commands beside a running application: the drive of ads/applications/rav4,
-live. `./dev pictures` builds what that needs, and calls it; it takes a minute.
+"""Creates the pictures of docs/pictures that show commands with a running application: the drive of ads/applications/rav4,
+live. `./dev pictures` builds the programs and calls it; it takes a minute.
 
   live_pictures.py [build/release]
 """

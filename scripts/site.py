@@ -2,7 +2,7 @@
 """site.py [<folder>]: builds the documentation site into the folder, by default build/site, and checks its links.
 
 Every Markdown file of the project becomes a page at its own path. What else they link to becomes one as well: a source
-file its text, a folder the list of what it has. MkDocs makes the pages, Doxygen the reference of the public headers,
+file its text, a folder its listing. MkDocs creates the pages, Doxygen the reference of the public headers,
 below api/. A link of any page that leads nowhere, also to a heading, is an error; the exit code is then 1."""
 
 import html.parser

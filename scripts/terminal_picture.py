@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Makes an SVG picture of what a terminal shows: of a command that it runs in tmux, or of what
-`tmux capture-pane -e -p` said, from standard input.
+"""Creates an SVG picture of a terminal: of a command that it runs in tmux, or of the output of
+`tmux capture-pane -e -p` from standard input.
 
   terminal_picture.py -o top.svg --wait 'CPU%' --key Down --pause 2 -- fastcycle top
   tmux capture-pane -e -p | terminal_picture.py -o screen.svg
@@ -228,14 +228,14 @@ def main():
             namespace.steps = (namespace.steps or []) + [(option.lstrip("-"), value)]
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("-o", "--output", help="the picture; else to standard output")
+    parser.add_argument("-o", "--output", help="the picture (standard output)")
     parser.add_argument("--size", default="80x24", help="columns x rows (80x24)")
     parser.add_argument("--title", default="", help="a line above the screen")
     parser.add_argument("--wait", action=Step, help="wait until the screen shows this text", dest="steps")
     parser.add_argument("--key", action=Step, help="press this key, by tmux's name", dest="steps")
-    parser.add_argument("--pause", action=Step, help="wait so many seconds", dest="steps")
+    parser.add_argument("--pause", action=Step, help="wait this number of seconds", dest="steps")
     parser.add_argument("--self-test", action="store_true")
-    parser.add_argument("command", nargs=argparse.REMAINDER, help="-- what to run")
+    parser.add_argument("command", nargs=argparse.REMAINDER, help="-- the command to run")
     options = parser.parse_args()
     if options.self_test:
         return self_test()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Drives some seconds with the drivers of real devices, whose devices are played.
+"""Drives for some seconds with the drivers of real devices and with emulated devices.
 
     vehicle_test.py FASTCYCLE CASE
 """

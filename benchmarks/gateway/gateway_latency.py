@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""From publish to callback between two processes: through the gateway of FastCycle, and with the middleware that it uses
+"""Measures the latency from publish to callback between two processes: through the gateway of FastCycle, and with its middleware
 alone. `./dev bench gateway` calls it.
 
 One process publishes messages of one size, one every interval, and another takes the time in its callback: by an application
@@ -30,15 +30,15 @@ START_S = 4.0  # Until both processes have found each other; what is sent before
 def arguments() -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench gateway", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    line.add_argument("--build", default="build/release", help="where the programs were built")
+    line.add_argument("--build", default="build/release", help="the build folder")
     line.add_argument("--rounds", type=int, default=5)
-    line.add_argument("--count", type=int, default=300, help="messages of a round")
+    line.add_argument("--count", type=int, default=300, help="messages per round")
     line.add_argument("--sizes", type=int, nargs="+", default=list(INTERVAL_US), metavar="BYTES")
     line.add_argument("--engines", nargs="+", default=["cyclone", "fast"])
     line.add_argument("--interface", default="lo")
-    line.add_argument("--executor", default="{}", help="keys of the executors of both applications, as JSON")
+    line.add_argument("--executor", default="{}", help="executor settings of both applications, JSON")
     line.add_argument("--together", action="store_true",
-                      help="the sender's gateway is served by the worker that published, and not by an executor of its own")
+                      help="serve the sender's gateway by the publishing worker instead of a separate executor")
     return line.parse_args()
 
 

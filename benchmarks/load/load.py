@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A load of one's own, measured: components with given rates, sizes, fan-outs and computing times. `./dev bench load` calls it.
+"""Measures a user-defined load: components with given rates, sizes, fan-outs and computing times. `./dev bench load` calls it.
 
     load.py LOAD.json [--copies 1 10] [--workers 1 2] [--rounds 5] [--seconds 10]
 
@@ -37,13 +37,13 @@ import time
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench load", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     line.add_argument("load", type=pathlib.Path, metavar="LOAD.json")
-    line.add_argument("--build", type=pathlib.Path, default="build/release", help="the build tree: build/release")
-    line.add_argument("--rounds", type=int, default=5, help="5 unless given")
-    line.add_argument("--seconds", type=float, default=10, help="of each run, 10 unless given")
-    line.add_argument("--copies", type=int, nargs="+", default=[1], help="of the whole graph: 1 unless given")
-    line.add_argument("--workers", type=int, nargs="+", default=[os.cpu_count() or 1], help="of the one executor: as many as CPUs")
-    line.add_argument("--ros2", type=pathlib.Path, metavar="PROGRAM", help="load_rclcpp of benchmarks/peers: ROS 2 in the same rounds")
-    line.add_argument("--json", type=pathlib.Path, metavar="FILE", help="also write the figures there")
+    line.add_argument("--build", type=pathlib.Path, default="build/release", help="the build folder (build/release)")
+    line.add_argument("--rounds", type=int, default=5, help="number of rounds (5)")
+    line.add_argument("--seconds", type=float, default=10, help="duration of each run (10)")
+    line.add_argument("--copies", type=int, nargs="+", default=[1], help="number of copies of the graph (1)")
+    line.add_argument("--workers", type=int, nargs="+", default=[os.cpu_count() or 1], help="number of workers of the executor (that of CPUs)")
+    line.add_argument("--ros2", type=pathlib.Path, metavar="PROGRAM", help="load_rclcpp of benchmarks/peers, to measure ROS 2 in the same rounds")
+    line.add_argument("--json", type=pathlib.Path, metavar="FILE", help="also write the results to this file")
     options = line.parse_args(words)
     if min(options.rounds, options.seconds, *options.copies, *options.workers) < 1:
         line.error("--rounds, --seconds, --copies and --workers are 1 at least")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes a load for load.py from a run of an application that was recorded with its report.
+"""Creates a load for load.py from the report and recording of a run.
 
     fastcycle graph app.json -o app.dot
     fastcycle run app.json --report report.json --record drive.mcap    # of the ADS, --clock simulated --set logging.except=[]
@@ -23,7 +23,7 @@ def main() -> int:
     line.add_argument("report", type=pathlib.Path)
     line.add_argument("log", type=pathlib.Path)
     line.add_argument("graph", type=pathlib.Path)
-    line.add_argument("--program", default="fastcycle", help="fastcycle, unless given")
+    line.add_argument("--program", default="fastcycle", help="the program (fastcycle)")
     options = line.parse_args()
     for file in (options.report, options.log, options.graph):
         if not file.is_file():

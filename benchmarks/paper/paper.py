@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Repeats the evaluation of the FastCycle paper on this machine: latency, round trip and jitter at 32 KB to
+"""Repeats the evaluation of the FastCycle paper on this machine: latency, round-trip time and jitter at 32 KB to
 4 MB, beside the floors of the machine and other frameworks. `./dev bench paper` calls it.
 
-Rows are kept as they are measured. The same command goes on where an interrupted one ended."""
+Rows are saved as they are measured. After an interruption, the same command continues."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ def sizes_of(text: str) -> tuple[int, ...]:
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench paper", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
-    line.add_argument("--rounds", type=int, help="9 unless given; p99.9 needs 10 with --count 5000")
-    line.add_argument("--count", type=int, help="messages a point and round, the same for all, 1500 unless given")
+    line.add_argument("--rounds", type=int, help="number of rounds (9); p99.9 requires 10 with --count 5000")
+    line.add_argument("--count", type=int, help="messages per point and round, the same for all (1500)")
     line.add_argument("--peer-count", type=int, help=argparse.SUPPRESS)  # of before
-    line.add_argument("--sizes", type=sizes_of, help="such as 32K,4M; the paper's five unless given")
+    line.add_argument("--sizes", type=sizes_of, help="payload sizes, such as 32K,4M (the five of the paper)")
     line.add_argument("--only", default="", metavar="NAME,…", help="only these contenders, with their floors")
-    line.add_argument("--quick", action="store_true", help="1 round, 50 messages, two sizes, nothing is installed")
-    line.add_argument("--out", type=pathlib.Path, help="where the report goes, benchmarks/results/local unless given")
-    line.add_argument("--fresh", action="store_true", help="throws away what --out holds of an earlier run")
-    line.add_argument("--skip-install", action="store_true", help="measures with what is installed and built")
-    line.add_argument("--build", type=pathlib.Path, help="the build folder, build/release unless given")
-    line.add_argument("--report-only", type=pathlib.Path, metavar="DIR", help="makes the report of DIR again")
-    line.add_argument("--readme", action="store_true", help="prints the gist as Markdown")
-    line.add_argument("--dry-run", action="store_true", help="says what would run and for how long")
+    line.add_argument("--quick", action="store_true", help="1 round, 50 messages, two sizes, without installation")
+    line.add_argument("--out", type=pathlib.Path, help="folder of the report (benchmarks/results/local)")
+    line.add_argument("--fresh", action="store_true", help="delete the results of an earlier run in --out")
+    line.add_argument("--skip-install", action="store_true", help="measure without installing or building anything")
+    line.add_argument("--build", type=pathlib.Path, help="the build folder (build/release)")
+    line.add_argument("--report-only", type=pathlib.Path, metavar="DIR", help="write the report of DIR again")
+    line.add_argument("--readme", action="store_true", help="print a summary as Markdown")
+    line.add_argument("--dry-run", action="store_true", help="print the plan and its duration")
     line.add_argument("--fastcycle", type=pathlib.Path, help=argparse.SUPPRESS)  # tests put programs in here
     line.add_argument("--peers", type=pathlib.Path, default=ROOT / "benchmarks" / "peers", help=argparse.SUPPRESS)
     chosen = line.parse_args(words)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Runs a peer where it can be measured: alone on a loopback network, with the daemon it needs.
+"""Runs a peer for a measurement: alone on a loopback network, with the daemon that it needs.
 
     run_peer.py --build build/release --list
     run_peer.py --build build/release zeromq -- --variant inproc --mode rtt --size 32768
 
-prints what the peer prints, one line of JSON, and ends as it ends. As root the peer and its daemon get
-a network of their own that has a loopback only; without root they run in the one that is there.
+prints the output of the peer, one line of JSON, and returns its exit code. As root, the peer and its
+daemon get a separate network with a loopback only; without root they use the present network.
 
 Other programs import PeerSession, which keeps network and daemons for a series of runs:
 
@@ -267,12 +267,12 @@ def variant_in(arguments):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Runs a peer with network and daemon of its own.")
+    parser = argparse.ArgumentParser(description="Runs a peer with its own network and daemon.")
     parser.add_argument("--build", required=True, help="folder of a preset, such as build/release")
-    parser.add_argument("--list", action="store_true", help="say what is built")
-    parser.add_argument("--timeout", type=float, help="seconds for the peer")
+    parser.add_argument("--list", action="store_true", help="list the peers that are built")
+    parser.add_argument("--timeout", type=float, help="time limit for the peer, in seconds")
     parser.add_argument("peer", nargs="?")
-    parser.add_argument("arguments", nargs="*", help="of the peer, after --")
+    parser.add_argument("arguments", nargs="*", help="options of the peer, after --")
     options = parser.parse_args()
     # Ctrl-C and a timeout around us end as an exception, so that all that was started is stopped.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))

@@ -49,15 +49,15 @@ class Found:
 
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench reference", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    line.add_argument("--build", type=pathlib.Path, default="build/release", help="the build tree: build/release")
-    line.add_argument("--rounds", type=int, default=5, help="5 unless given")
-    line.add_argument("--seconds", type=float, default=20, help="of each run, 20 unless given")
-    line.add_argument("--crunch", type=int, help="limit of the primes, instead of that of the application")
+    line.add_argument("--build", type=pathlib.Path, default="build/release", help="the build folder (build/release)")
+    line.add_argument("--rounds", type=int, default=5, help="number of rounds (5)")
+    line.add_argument("--seconds", type=float, default=20, help="duration of each run (20)")
+    line.add_argument("--crunch", type=int, help="limit of the prime numbers (that of the application)")
     line.add_argument("--phase-step-us", type=int, default=1250, metavar="US",
                       help="from the start of one node's timer to that of the next: 1250 unless given, what a node of ROS 2 takes to be "
                            "made; 0: all timers tick at the same moments")
-    line.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS), help="of FastCycle: all unless given")
-    line.add_argument("--ros2", type=pathlib.Path, metavar="FOLDER", help="folder of the programs of ROS 2's own")
+    line.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS), help="ways of FastCycle (all)")
+    line.add_argument("--ros2", type=pathlib.Path, metavar="FOLDER", help='folder of the ROS 2 programs')
     options = line.parse_args(words)
     if options.rounds < 1 or options.seconds < 1:
         line.error("--rounds and --seconds are 1 at least")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What one operation of a component in Python costs: prints a table.
+"""Measures the cost of one operation of a component in Python, and prints a table.
 
     PYTHONPATH=build/release/python python3 python/benchmarks/component.py
 """

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Measures how long a table of some fields takes: frame.py [LOG TOPIC FIELD ...]
+"""Measures the time to read a table of some fields: frame.py [LOG TOPIC FIELD ...]
 
-Without a log it makes one of 30 MB, with messages of 20 objects each, and reads 5 fields of them.
-PYTHONPATH has to name the folder `python` of the build.
+Without a log, it creates one of 30 MB, with messages of 20 objects each, and reads 5 fields.
+PYTHONPATH must contain the folder `python` of the build.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def main() -> None:
             make_log(path)
             measure(path, "all", MADE_FIELDS, options.rounds)
     elif options.topic is None:
-        parser.error("a log wants a topic")
+        parser.error("a log requires a topic")
     else:
         measure(options.log, options.topic, options.fields, options.rounds)
 

@@ -1,4 +1,4 @@
-"""Running applications, looked at and changed over their control socket."""
+"""Inspects and changes running applications over their control socket."""
 
 from __future__ import annotations
 

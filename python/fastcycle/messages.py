@@ -1,4 +1,4 @@
-"""Messages, and their classes: made of the schemas that logs and applications have."""
+"""Messages and their classes, created from the schemas of logs and applications."""
 
 from __future__ import annotations
 

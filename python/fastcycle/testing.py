@@ -1,4 +1,4 @@
-"""Tests of components from Python: without a process of their own, and without real time."""
+"""Tests of components from Python, in the same process and without real time."""
 
 from __future__ import annotations
 

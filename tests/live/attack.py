@@ -3,10 +3,10 @@
 
 Usage: attack.py FASTCYCLE LIBRARIES SECONDS
 
-Runs an application of LIBRARIES (live_parts) with --live. All the time there are clients that never read, one that
+Runs an application of LIBRARIES (live_parts) with --live. Concurrently there are clients that never read, one that
 reads 10 kB a second, connections without a token, and clients that send random operations: broken JSON, wrong codes,
 huge lengths, halves of frames. The well-behaved client has to get its topic in order, the run has to go on, and its
-memory must not grow with the time. Prints counts; ends with 1 if anything is wrong.
+memory must not grow over time. Prints counts; exits with 1 on any error.
 """
 
 import base64

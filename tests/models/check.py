@@ -9,9 +9,9 @@ A model's header says how it is run:
 
     check.py                         all short runs and all bugs: seconds
     check.py --soak SECONDS          the long runs, then random walks, within that time
-    check.py --list                  say what there is
+    check.py --list                  list the models
     check.py --only inbox [...]      only these models
-    check.py --trace inbox -DN0=2    show the way to the error that this run finds
+    check.py --trace inbox -DN0=2    show the trace to the error that this run finds
 
 Ends with status 1 if a run finds an error, if a seeded bug is not found, or if a search that should
 see every state did not.

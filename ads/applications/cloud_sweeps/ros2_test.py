@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Plays recorded sweeps as a ROS 2 driver does, and looks at the markers that come back, in a network of its own.
+"""Plays recorded sweeps as a ROS 2 driver does, and checks the returned markers, in a separate network.
 
 Usage: ros2_test.py FASTCYCLE PEER ENGINE PEERS_ENGINE     the engines: cyclone, fast
 
-PEER is the program of DDS alone that plays and keeps; the markers are read here, by CDR's specification. Needs the labelled
+PEER is a DDS program without FastCycle that plays and stores messages; the markers are read here, by CDR's specification. Needs the labelled
 drive of KITTI in the folder that FASTCYCLE_DATA names, and root and iproute2; without them it is skipped (exit code 77).
 """
 

@@ -1,4 +1,4 @@
-"""How the drive feels to who sits in it: a prototype, in Python (README.md)."""
+"""Estimates the comfort of a drive for its passengers: a prototype, in Python (README.md)."""
 
 import math
 
@@ -8,7 +8,7 @@ from fastcycle.component import Component
 class Comfort(Component):
     def __init__(self, context):
         self.limit_mps2 = context.param(
-            "limit_mps2", 2.0, min=0.0, unit="m/s^2", description="What is felt as uncomfortable"
+            "limit_mps2", 2.0, min=0.0, unit="m/s^2", description="Limit above which motion is uncomfortable"
         )
         self.objects = context.latest("perception/objects", "perception.Objects")
         context.subscribe("localization/ego", "localization.Ego", self.on_ego)

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Shows how far the figures of a labelled drive hold where its returns fall in another way.
+"""Evaluates a labelled drive with variations of its lidar returns.
 
 Writes variations of the drive with their labels into FOLDER (thinned, noisy, turned, lifted, mirrored, begun later,
-with frames missing, played backwards), runs the application on each, and prints a table. Chance is the same in every run.
+with frames missing, played backwards), runs the application on each, and prints a table. All runs use the same random numbers.
 
 Usage: evaluate_variations.py FASTCYCLE DATA FOLDER [--only WORD] [--jobs 2] [--application FILE] [--set NAME=VALUE]...
-Variations that FOLDER has already are not written again.
+Variations that exist in FOLDER are not written again.
 """
 
 import argparse

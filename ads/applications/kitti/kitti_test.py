@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Plays the labelled drive of KITTI and checks what the application found. Skips (77) without data.
+"""Plays the labelled drive of KITTI and checks the detected objects. Skips (77) without data.
 
 Usage: kitti_test.py FASTCYCLE
 The data are in the folder that FASTCYCLE_DATA names; their licence keeps them out of the repository.

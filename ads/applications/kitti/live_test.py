@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Plays KITTI's sweeps live through all modules, with tiles of Karlsruhe, and checks the books. Skips (77) without data.
+"""Plays KITTI's sweeps live through all modules, with tiles of Karlsruhe, and checks the ledgers. Skips (77) without data.
 
 Usage: live_test.py FASTCYCLE [--passes 4]
-Nothing may be lost but by a subscription's policy, on however slow a machine; how quick it is, is not judged.
+Messages may be lost only by a subscription's policy, even on a slow machine; speed is not checked.
 """
 
 import json

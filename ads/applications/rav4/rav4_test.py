@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Plays the recorded drive, and parts of it, and checks what the application found.
+"""Plays the recorded drive, and parts of it, and checks the results of the application.
 
 Usage: rav4_test.py FASTCYCLE [--live]
 """

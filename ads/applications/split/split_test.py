@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Drives the ADS on two computers, which are two network namespaces with a cable between, in real time.
+"""Drives the ADS in real time on two computers, simulated by two connected network namespaces.
 
     split_test.py FASTCYCLE SCENES SHIFTED_CLOCK CASE [...]     cases: see the methods of Drives; `all` for all but the long ones
 
-The long ones want a machine that does nothing else: two cores are just enough for both halves in real time.
-SCENES is the folder with the CommonRoad files, SHIFTED_CLOCK the library that shows a process another system clock. Needs
+The long cases require an otherwise idle machine: two cores are just enough for both halves in real time.
+SCENES is the folder with the CommonRoad files, SHIFTED_CLOCK the library that shifts the system clock of a process. Needs
 root and iproute2; without them it is skipped (exit code 77).
 """
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Records drives with what other tools draw, and reads the logs with npm's readers.
+"""Records drives with messages for other tools, and reads the logs with the readers from npm.
 
 Usage: visualization_npm_test.py FASTCYCLE FOLDER
 

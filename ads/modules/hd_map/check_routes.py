@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Holds routes of hd_map_routes against the map file, which it reads by code of its own.
+"""Checks routes of hd_map_routes against the map file, with an independent reader.
 
     check_routes.py PROGRAM MAP [--pairs N] [--seed N] [--data]
 
 With --data, MAP is in the folder $FASTCYCLE_DATA; without it the check is skipped (exit code 77).
 
 Each step of a route must lead to a lane that follows in the file, or be a change of lane that the line between
-allows; start and goal must lie on the first and last lane; a lane must begin and end where the file has it. Where
-the file has a way and the program found none, that is an error too.
+allows; start and goal must lie on the first and last lane; a lane must begin and end as in the file. If
+the file contains a route and the program found none, that is an error too.
 """
 
 import argparse

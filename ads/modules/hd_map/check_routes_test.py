@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whether check_routes.py sees an error: routes of hd_map_routes are spoilt, one by one.
+"""Checks that check_routes.py finds errors: routes of hd_map_routes are corrupted one by one.
 
     check_routes_test.py PROGRAM MAP...
 """

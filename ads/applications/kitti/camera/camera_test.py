@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Plays a drive of KITTI with its camera and checks what comes of it. Skips (77) without data.
+"""Plays a drive of KITTI with its camera and checks the result. Skips (77) without data.
 
 Usage: camera_test.py FASTCYCLE
 The data are in the folder that FASTCYCLE_DATA names; their licence keeps them out of the repository.

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares the radar's tracks with those that the makers of comma2k19 decoded. Skips (77) without data.
+"""Compares the radar's tracks with those decoded by the authors of comma2k19. Skips (77) without data.
 
 Usage: radar_data_test.py FASTCYCLE
 The data are in the folder that FASTCYCLE_DATA names: the part in ads/applications/rav4/data has no such file.
