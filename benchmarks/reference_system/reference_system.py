@@ -54,10 +54,10 @@ def arguments(words: list[str]) -> argparse.Namespace:
     line.add_argument("--seconds", type=float, default=20, help="duration of each run (20)")
     line.add_argument("--crunch", type=int, help="limit of the prime numbers (that of the application)")
     line.add_argument("--phase-step-us", type=int, default=1250, metavar="US",
-                      help="from the start of one node's timer to that of the next: 1250 unless given, what a node of ROS 2 takes to be "
-                           "made; 0: all timers tick at the same moments")
+                      help="delay between the timer starts of two nodes (1250, the creation time of a ROS 2 node); "
+                           "0: all timers tick simultaneously")
     line.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS), help="ways of FastCycle (all)")
-    line.add_argument("--ros2", type=pathlib.Path, metavar="FOLDER", help='folder of the ROS 2 programs')
+    line.add_argument("--ros2", type=pathlib.Path, metavar="FOLDER", help="folder of the ROS 2 programs")
     options = line.parse_args(words)
     if options.rounds < 1 or options.seconds < 1:
         line.error("--rounds and --seconds are 1 at least")
