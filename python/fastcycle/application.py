@@ -237,8 +237,8 @@ class Application:
 
         Args:
             topic: The topic.
-            every: Only each so-manyth message of each publisher.
-            max_rate_hz: At most so many messages a second; 0: all.
+            every: Only every n-th message of each publisher.
+            max_rate_hz: Maximum number of messages per second; 0: no limit.
             timeout: How long to wait for each message, in seconds; then TimeoutError is raised.
 
         The application does not wait for slow readers: `Subscription.lost` counts what was missed.

@@ -224,60 +224,46 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
   add_shared_params(tree, part);
   for (const std::string_view key : {"record", "flight_recorder"}) {
     if (const Value* record = part.find(key)) {
-      problems_.add(
-          make_error(record->place(),
-                     "an included file cannot say what is recorded, only the one that is run"));
+      problems_.add(make_error(record->place(),
+                               "only the main application file may define what is recorded"));
     }
   }
   if (const Value* trace = part.find("trace")) {
-    problems_.add(
-        make_error(trace->place(),
-                   "an included file cannot say where a trace goes, only the one that is run"));
+    problems_.add(make_error(trace->place(), "only the main application file may define a trace"));
   }
   if (const Value* inspect = part.find("inspect")) {
-    problems_.add(make_error(
-        inspect->place(),
-        "an included file cannot say who may look at the run, only the one that is run"));
+    problems_.add(make_error(inspect->place(),
+                             "only the main application file may define who may inspect the run"));
   }
   if (const Value* live = part.find("live")) {
     problems_.add(
-        make_error(live->place(),
-                   "an included file cannot say who is shown the run, only the one that is run"));
+        make_error(live->place(), "only the main application file may define a live server"));
   }
   if (const Value* faults = part.find("faults")) {
-    problems_.add(make_error(
-        faults->place(),
-        "an included file cannot say what faults are injected, only the one that is run"));
+    problems_.add(make_error(faults->place(), "only the main application file may define faults"));
   }
   if (const Value* shadow = part.find("shadow")) {
-    problems_.add(
-        make_error(shadow->place(),
-                   "an included file cannot say what has a shadow, only the one that is run"));
+    problems_.add(make_error(shadow->place(), "only the main application file may define shadows"));
   }
   if (const Value* libraries = part.find("libraries")) {
     problems_.add(
         make_error(libraries->place(),
-                   "an included file cannot say what may be loaded, only the one that is run"));
+                   "only the main application file may define which libraries may be loaded"));
   }
   if (const Value& modes = part["modes"]; modes.size() > 0) {
-    problems_.add(make_error(modes.place(),
-                             "an included file cannot describe modes, only the one that is run"));
+    problems_.add(make_error(modes.place(), "only the main application file may define modes"));
   }
   if (const Value& chains = part["chains"]; chains.size() > 0) {
-    problems_.add(make_error(chains[0].place(),
-                             "an included file cannot describe chains, only the one that is run"));
+    problems_.add(
+        make_error(chains[0].place(), "only the main application file may define chains"));
   }
   if (const Value* period = part.find("state_period_s")) {
-    problems_.add(
-        make_error(period->place(),
-                   "an included file cannot say how often key frames are written, only the "
-                   "one that is run"));
+    problems_.add(make_error(period->place(),
+                             "only the main application file may define the period of key frames"));
   }
   if (const Value* period = part.find("status_period_ms")) {
-    problems_.add(
-        make_error(period->place(),
-                   "an included file cannot say how often the status is published, only the "
-                   "one that is run"));
+    problems_.add(make_error(period->place(),
+                             "only the main application file may define the period of the status"));
   }
 }
 

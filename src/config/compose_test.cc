@@ -152,7 +152,8 @@ TEST_F(ComposeTest, ModesAreOfTheFileThatIsRunAndOfOverlays) {
   EXPECT_EQ(app.modes[0].name, "two");
   EXPECT_EQ(app.modes[0].executors, std::vector<std::string>{"x"});
   EXPECT_EQ(app.initial_mode, "two");
-  EXPECT_NE(text_of(problems).find("an included file cannot describe modes"), std::string::npos);
+  EXPECT_NE(text_of(problems).find("only the main application file may define modes"),
+            std::string::npos);
 }
 
 TEST_F(ComposeTest, ChainsAreMergedByTheirName) {
@@ -263,9 +264,10 @@ TEST_F(ComposeTest, OnlyTheFileThatIsRunAndOverlaysSayHowOftenTheStatusComes) {
 
   folder.write("a.json", R"({"status_period_ms": 100})");
   (void)compose();
-  EXPECT_NE(text_of(problems).find("a.json:1: /status_period_ms: an included file cannot say how "
-                                   "often the status is published"),
-            std::string::npos)
+  EXPECT_NE(
+      text_of(problems).find("a.json:1: /status_period_ms: only the main application file may "
+                             "define the period of the status"),
+      std::string::npos)
       << text_of(problems);
 }
 

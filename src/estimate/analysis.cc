@@ -182,14 +182,14 @@ void Analysis::find_order() {
   for (std::size_t i = 0; i < system_.callbacks.size(); ++i) {
     const Callback& callback = system_.callbacks[i];
     if (callback.inputs.empty() && !callback.arrivals && unknown_[i].empty()) {
-      unknown_[i] = "nothing says how often " + callback.name + " of \"" +
-                    system_.components[callback.component].name + "\" is called";
+      unknown_[i] = "the rate of " + callback.name + " of \"" +
+                    system_.components[callback.component].name + "\" is unknown";
     }
     for (const Input& input : callback.inputs) {
       for (const Source& source : system_.sources) {
         if (source.topic == input.topic && !source.arrivals && unknown_[i].empty()) {
-          unknown_[i] = "nothing says how often \"" + system_.topics[input.topic] +
-                        "\" comes from " + source.name;
+          unknown_[i] = "the rate of \"" + system_.topics[input.topic] + "\" from " + source.name +
+                        " is unknown";
         }
       }
     }
@@ -291,8 +291,8 @@ void Analysis::find_responses() {
     if (callback.run_time) {
       continue;
     }
-    const std::string why = "nothing says how long " + callback.name + " of \"" +
-                            system_.components[callback.component].name + "\" takes";
+    const std::string why = "the run time of " + callback.name + " of \"" +
+                            system_.components[callback.component].name + "\" is unknown";
     is_known_[callback.component] = false;
     for (std::size_t c = 0; c < count; ++c) {
       if (system_.components[c].executor == system_.components[callback.component].executor) {
@@ -579,8 +579,8 @@ void Analysis::walk_into(Walk& walk, Way way, std::size_t callback, std::size_t 
   way.is_pure = way.is_pure && (its.inputs.size() == 1 || its.joining != Joining::kEach);
   if (its.joining != Joining::kEach && way.gap) {
     way.gap.reset();
-    way.no_gap =
-        "nothing says how often \"" + system_.components[its.component].name + "\" finds a set";
+    way.no_gap = "the rate at which \"" + system_.components[its.component].name +
+                 "\" finds a set is unknown";
   }
   walk.is_visited[callback] = true;
   if (its.inputs[input].ages) {
@@ -653,8 +653,8 @@ void Analysis::sample(Walk& walk, const Way& way, std::size_t component) const {
     on.running = run_time(i);  // Earlier callbacks may have ended long ago.
     on.gap = its.always_publishes ? gap_of(i) : std::nullopt;
     if (!on.gap) {
-      on.no_gap = "nothing says how often \"" + system_.components[component].name +
-                  "\" publishes when " + its.name + " is called";
+      on.no_gap = "the rate at which \"" + system_.components[component].name + "\" publishes in " +
+                  its.name + " is unknown";
     }
     walk.is_sampled[i] = true;
     walk_on(walk, on, i);
@@ -673,8 +673,8 @@ void Analysis::end_in_view(Walk& walk, Way way, std::size_t component) const {
     }
   }
   if (!shortest) {
-    walk.obstacles.insert("nothing says how often \"" + system_.components[component].name +
-                          "\" looks at \"" + system_.topics[walk.chain.to] + "\"");
+    walk.obstacles.insert("the rate at which \"" + system_.components[component].name +
+                          "\" reads \"" + system_.topics[walk.chain.to] + "\" is unknown");
   } else if (add_hop(walk, way, its_callback, *shortest)) {
     end(walk, way);
   }

@@ -95,11 +95,11 @@ TEST(AnEstimate, CallsNothingSafeThatItKnowsTooLittleOf) {
   System unknown_time = small_system();
   unknown_time.callbacks[2].run_time.reset();
   EXPECT_THAT(analyze(unknown_time).chains[0].reasons,
-              Contains("nothing says how long its timer of \"mapper\" takes"));
+              Contains("the run time of its timer of \"mapper\" is unknown"));
   System unknown_rate = small_system();
   unknown_rate.sources[0].arrivals.reset();
   EXPECT_THAT(analyze(unknown_rate).chains[0].reasons,
-              Contains("nothing says how often \"points\" comes from a driver"));
+              Contains("the rate of \"points\" from a driver is unknown"));
   EXPECT_EQ(analyze(unknown_time).chains[0].verdict, Verdict::kNotShown);
   EXPECT_EQ(analyze(unknown_rate).chains[0].verdict, Verdict::kNotShown);
 }

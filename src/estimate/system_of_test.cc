@@ -184,8 +184,7 @@ TEST_F(ASystem, SaysWhatIsMissingBeforeAChainCanBeCalledSafe) {
   const Estimate estimate = analyze(make(timing));
   EXPECT_EQ(estimate.chains[0].verdict, Verdict::kNotShown);
   EXPECT_THAT(estimate.chains[0].reasons,
-              testing::Contains("nothing says how often \"points\" comes from the threads of "
-                                "\"lidar\""));
+              testing::Contains("the rate of \"points\" from the threads of \"lidar\" is unknown"));
 }
 
 TEST_F(ASystem, TakesRunTimesFromARecording) {
