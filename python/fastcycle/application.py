@@ -26,7 +26,7 @@ def _protocol(name: str) -> Any:
 
 @dataclass(frozen=True)
 class RunningApplication:
-    """An application of this user that runs and may be looked at."""
+    """A running application of this user that can be inspected."""
 
     name: str
     pid: int
@@ -34,15 +34,15 @@ class RunningApplication:
 
 
 def running_applications() -> list[RunningApplication]:
-    """Those that there are now, by name."""
+    """The running applications, by name."""
     return [RunningApplication(*found) for found in _fastcycle.list_applications()]
 
 
 def connect(name: str | None = None) -> Application:
-    """Connects to the running application `name`, by default to the only one that there is.
+    """Connects to the running application `name`, by default to the only one.
 
-    The application has to run with `--inspect`. Raises ApplicationError, which names those that
-    there are.
+    The application must run with `--inspect`. Raises ApplicationError, which lists the running
+    ones.
     """
     return Application(RunningApplication(*_fastcycle.find_application(name or "")))
 
@@ -102,12 +102,12 @@ class Application:
             application.params.set({"limiter.limit_mps": 20.0})
             application.publish("control/speed", {"mps": 3.5})
 
-    What may be changed, the application says: `allow` has the words `params`, `publish` and
+    The application defines what may be changed: `allow` contains the words `params`, `publish` and
     `lifecycle` of its `"inspect": {"allow": [...]}`. Everything else raises ApplicationError with
-    the hint that the application gives.
+    the application's hint.
 
-    An application may be used by one thread at a time. Each subscription has a connection of its
-    own, and may be read by another thread.
+    An application may be used by one thread at a time. Each subscription has its own connection
+    and may be read by another thread.
     """
 
     def __init__(self, running: RunningApplication) -> None:
@@ -118,7 +118,7 @@ class Application:
         self._services: dict[str, Any] = {}
 
     def close(self) -> None:
-        """Ends the connection. Subscriptions have theirs, and go on."""
+        """Ends the connection. Subscriptions have their own and continue."""
         self._session.close()
 
     def __enter__(self) -> Application:
@@ -132,7 +132,7 @@ class Application:
 
     @property
     def name(self) -> str:
-        """The application's name; of a second one of that name `drive-2`, as its socket."""
+        """The application's name; for a second one of that name `drive-2`, as its socket."""
         return self._running.name
 
     @property
@@ -152,7 +152,7 @@ class Application:
 
     @property
     def topics(self) -> dict[str, Any]:
-        """The topics now, by name, each a `Topic` of inspect.proto: type, publishers, counts."""
+        """The current topics by name, each a `Topic` of inspect.proto: type, publishers, counts."""
         return {topic.name: topic for topic in self.overview().topics if not topic.is_service}
 
     @property
@@ -167,18 +167,18 @@ class Application:
 
     @property
     def mode(self) -> str:
-        """The mode that the application is in; empty if it has none."""
+        """The current mode of the application; empty if it has no modes."""
         return self._brief_overview().mode
 
     @property
     def modes(self) -> list[str]:
-        """The modes that there are, in the order of the application file."""
+        """All modes, in the order of the application file."""
         return list(self._brief_overview().modes)
 
     def switch_mode(self, mode: str, why: str = "") -> None:
-        """Switches to a mode. `why` is given in the report.
+        """Switches to a mode. `why` appears in the report.
 
-        Needs `lifecycle`. The switch is under way when this returns. Raises NotFoundError if there
+        Needs `lifecycle`. The switch may still be in progress on return. Raises NotFoundError if there
         is no such mode.
         """
         request = _protocol("Request")()
@@ -195,10 +195,10 @@ class Application:
         return {component.name: component for component in found}
 
     def restart(self, component: str) -> None:
-        """Makes a component anew, as after a fault, but in order: it is stopped first.
+        """Restarts a component as after a fault, but stops it first.
 
-        Needs `lifecycle`, as `deactivate` and `activate` do. Raises ApplicationError if it is in no
-        state for that, NotFoundError if there is no such component.
+        Needs `lifecycle`, as `deactivate` and `activate` do. Raises ApplicationError if its state does
+        not permit that, NotFoundError if there is no such component.
         """
         self._change_life(component, "ACTION_RESTART")
 
@@ -213,13 +213,13 @@ class Application:
     def log(
         self, level: str = "debug", component: str = "", timeout: float | None = None
     ) -> LogLines:
-        """The lines of the log from now on.
+        """Lines of the log from now on.
 
         Args:
             level: Lines of at least this level: `debug`, `info`, `warning` or `error`. Those below
                 the component's own level are not written.
-            component: Only those of this one; by default all, and the application's own.
-            timeout: How long to wait for each line, in seconds; then TimeoutError is raised.
+            component: Only lines of this component; by default all, including the application's own.
+            timeout: Maximum wait for each line, in seconds; then TimeoutError is raised.
         """
         return LogLines(
             _Session(self._running.socket), {"level": level, "component": component}, timeout
@@ -233,15 +233,15 @@ class Application:
     def subscribe(
         self, topic: str, every: int = 1, max_rate_hz: float = 0.0, timeout: float | None = None
     ) -> Subscription:
-        """The messages of a topic from now on, whole.
+        """The complete messages of a topic from now on.
 
         Args:
             topic: The topic.
             every: Only every n-th message of each publisher.
             max_rate_hz: Maximum number of messages per second; 0: no limit.
-            timeout: How long to wait for each message, in seconds; then TimeoutError is raised.
+            timeout: Maximum wait for each message, in seconds; then TimeoutError is raised.
 
-        The application does not wait for slow readers: `Subscription.lost` counts what was missed.
+        The application does not wait for slow readers: `Subscription.lost` counts skipped messages.
         """
         return Subscription(
             _Session(self._running.socket),
@@ -254,7 +254,7 @@ class Application:
     def publish(self, topic: str, message: Any) -> None:
         """Publishes a message, given as a dict or as a protobuf message.
 
-        Needs `publish`. Fields that a dict does not have are left at their defaults. Raises
+        Needs `publish`. Fields that are not in a dict keep their defaults. Raises
         ValueError if a field or a value does not fit.
         """
         request = _protocol("Request")()
@@ -267,10 +267,10 @@ class Application:
 
         Args:
             service: The service.
-            request: A dict or a protobuf message; by default one that says nothing.
-            timeout: How long the reply may take, in seconds; 60 at most.
+            request: A dict or a protobuf message; by default an empty one.
+            timeout: Maximum time until the reply, in seconds; at most 60.
 
-        Needs `publish`. Raises ApplicationError if the service answers with anything but `ok`.
+        Needs `publish`. Raises ApplicationError if the status of the reply is not `ok`.
         """
         found = self._service(service)
         request_class = _classes.find(found.request_type, found.request_schema)
@@ -342,7 +342,7 @@ class Subscription(Iterator[Message]):
 
     Attributes:
         topic: The topic.
-        lost: Messages that were published and are not here, since they came faster than they were
+        lost: Number of messages that were skipped because they were published faster than they were
             read.
     """
 
@@ -365,7 +365,7 @@ class Subscription(Iterator[Message]):
         self._learn(session.ask(_protocol("Request")(stream=stream)))
 
     def close(self) -> None:
-        """Ends the subscription; what has arrived and was not read is dropped."""
+        """Ends the subscription; unread messages are dropped."""
         self._waiting.clear()
         self._end()
 
@@ -420,8 +420,8 @@ class LogLine:
     Attributes:
         time: By the application's clock, in nanoseconds.
         level: `debug`, `info`, `warning` or `error`.
-        component: Who says it; empty: the application itself.
-        text: What it says.
+        component: The source component; empty: the application itself.
+        text: The text.
     """
 
     time: int
@@ -436,7 +436,7 @@ class LogLines(Iterator[LogLine]):
     Iteration ends when the application stops, or after `close`.
 
     Attributes:
-        lost: Lines that are not here, since they came faster than they were read.
+        lost: Number of lines that were skipped because they came faster than they were read.
     """
 
     def __init__(self, session: _Session, options: dict[str, str], timeout: float | None) -> None:
@@ -447,7 +447,7 @@ class LogLines(Iterator[LogLine]):
         session.ask(_protocol("Request")(stream_log=options))
 
     def close(self) -> None:
-        """Ends the stream; what has arrived and was not read is dropped."""
+        """Ends the stream; unread lines are dropped."""
         self._waiting.clear()
         self._end()
 
@@ -484,17 +484,17 @@ class Param:
     """A parameter of a component.
 
     Attributes:
-        name: `limiter.limit_mps`: the component, and the parameter of it.
-        value: Now.
+        name: Component and parameter, as `limiter.limit_mps`.
+        value: The current value.
         type: `number`, `number[]`, `enum`, `message demo.Limits`, ...
-        unit: Of the value; may be empty.
+        unit: Unit of the value; may be empty.
         default: None if it has none.
         min: None if it has none.
         max: None if it has none.
-        names: Of an enumeration.
-        origin: Where the value comes from: `default`, `file`, `shared`, `changed`.
+        names: The names of an enumeration.
+        origin: The source of the value: `default`, `file`, `shared`, `changed`.
         is_tunable: Whether it may be changed while the application runs.
-        description: In words; may be empty.
+        description: The description; may be empty.
     """
 
     name: str
@@ -513,14 +513,14 @@ class Param:
 class Params(Mapping[str, Any]):
     """The parameters of a running application by name, `COMPONENT.PARAM`. Made by `Application`.
 
-    Each look asks the application.
+    Each access queries the application.
     """
 
     def __init__(self, session: _Session) -> None:
         self._session = session
 
     def describe(self) -> dict[str, Param]:
-        """All parameters, with what is known of them."""
+        """All parameters with their properties."""
         request = _protocol("Request")()
         request.params.SetInParent()
         return {

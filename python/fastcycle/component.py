@@ -30,13 +30,13 @@ __all__ = ["Component", "MessageInfo"]
 
 
 class MessageInfo(NamedTuple):
-    """What is known of a received message.
+    """Metadata of a received message.
 
     Attributes:
         sequence: Counts the messages of its publisher, from 1.
         publish_time: When it was published, in nanoseconds.
-        taken: When the oldest measurement was taken that led to it, in nanoseconds.
-        publisher: Who published it, as a number that is the same in every run.
+        taken: Time of the oldest measurement that led to it, in nanoseconds.
+        publisher: Number of the publisher, the same in every run.
     """
 
     sequence: int
@@ -77,12 +77,12 @@ class Random(random.Random):
 class Component:
     """One unit of an application, as `fastcycle::Component` in C++.
 
-    `__init__` declares what it has, by `context`. Callbacks, timers and the methods below never
+    `__init__` declares topics, params and timers by `context`. Callbacks, timers and the methods below never
     overlap, and an exception that leaves one is a fault of the component.
 
     Attributes:
-        context: What `__init__` was given.
-        log: `debug`, `info`, `warning` and `error` write a line for people.
+        context: The context passed to `__init__`.
+        log: `debug`, `info`, `warning` and `error` write a line to the log.
         random: A `random.Random` that draws the same numbers in every run.
     """
 
@@ -104,44 +104,44 @@ class Component:
         """Acquires devices and files. Called once, before the first message."""
 
     def activate(self) -> None:
-        """From now on messages and timers are served."""
+        """Called before messages and timers are served."""
 
     def deactivate(self) -> None:
-        """Messages and timers are not served any more, until `activate` is called again."""
+        """Called when messages and timers are no longer served, until `activate` is called again."""
 
     def serve(self) -> None:
         """The Serve Timer, called every `serve_period_ms`."""
 
     def stop(self) -> None:
-        """Gives back what `start` acquired. Called once, after the last message."""
+        """Releases what `start` acquired. Called once, after the last message."""
 
     def now(self) -> int:
-        """The time of this callback, in nanoseconds; it does not move while one runs."""
+        """The time of this callback, in nanoseconds; constant while it runs."""
         return self.context.now()
 
     def start_time(self) -> int:
-        """When the application's timers started, in nanoseconds."""
+        """Start time of the application's timers, in nanoseconds."""
         return self.context.start_time()
 
     def info(self, message: Any) -> MessageInfo:
-        """What is known of a received message."""
+        """Metadata of a received message."""
         return MessageInfo(*self.context.info(message))
 
     def report(self, name: str, value: bool | int | float | str) -> None:
-        """Puts a result of the run into the final table and the report."""
+        """Adds a result of the run to the final table and the report."""
         self.context.report(name, value)
 
     def health(self, state: str, reason: str = "") -> None:
-        """Says how well the component does its work: `ok`, `degraded` or `failed`."""
+        """Reports the health of the component: `ok`, `degraded` or `failed`."""
         self.context.health(state, reason)
 
     def observe(self, name: str, call: Callable[[], Any]) -> Any:
-        """The result of `call`, which asks what a repeated run could not know: a device, a clock.
+        """The result of `call`, which reads something that a replay cannot repeat: a device, a clock.
 
-        Where the run is recorded, the log has it; where that run is executed again, it is taken
-        from there and nothing is called. It has to be of what JSON has: numbers, str, bool, None,
-        and lists and dicts of them. Of an exception the text is kept, and raised again as a
-        RuntimeError. Not in __init__, which no recorded run has.
+        The result is recorded in the log. When the run is executed again, it is read
+        from there and `call` is not called. It must be a JSON value: numbers, str, bool, None,
+        and lists and dicts of them. The text of an exception is recorded and raised again as a
+        RuntimeError. Not allowed in __init__, which is not part of the recorded run.
         """
         known = self.context.take_observed(name)
         if known is None:

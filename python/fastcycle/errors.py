@@ -4,13 +4,13 @@ from __future__ import annotations
 
 
 class Error(Exception):
-    """What every other error of the package is."""
+    """Base class of the errors of the package."""
 
 
 class NotFoundError(Error, KeyError):
-    """A topic, field, parameter or service that there is not.
+    """A topic, field, parameter or service does not exist.
 
-    The text names those that there are, or the nearest one.
+    The text lists the existing ones, or the nearest one.
     """
 
     def __str__(self) -> str:  # That of KeyError is quoted.
@@ -20,21 +20,21 @@ class NotFoundError(Error, KeyError):
 class LogError(Error):
     """A file of a recording is damaged, or cannot be read.
 
-    The text says file, byte, record, what was expected and what was found.
+    The text contains the file, the byte, the record, and what was expected and found.
     """
 
 
 class LogWarning(UserWarning):
-    """A recording was cut off. What there is of it is read."""
+    """A recording was cut off. The part before that is read."""
 
 
 class ApplicationError(Error):
     """A running application refused something, or the connection to it has ended.
 
     Attributes:
-        hint: What to do about it, as the application says; may be empty.
-        kind: `not_allowed`, `not_found`, `refused`, `late`, ...; `unknown` if there is nobody to
-            talk to, or not any more.
+        hint: The application's advice; may be empty.
+        kind: `not_allowed`, `not_found`, `refused`, `late`, ...; `unknown` if there is no
+            connection.
     """
 
     KINDS = (

@@ -30,15 +30,15 @@ _MOST_ELEMENTS = 4096
 
 @dataclass(frozen=True)
 class Topic:
-    """What a log says of a topic.
+    """A topic of a log.
 
     Attributes:
         name: The topic.
         type: The full name of the message type; empty if there is no schema.
-        encoding: Of the messages: `protobuf`.
-        count: How many messages there are. A latched message that is repeated in a later file of
+        encoding: Encoding of the messages: `protobuf`.
+        count: Number of messages. A latched message that is repeated in a later file of
             a recording counts again.
-        schema: Of protobuf messages a serialized FileDescriptorSet.
+        schema: For protobuf messages, a serialized FileDescriptorSet.
     """
 
     name: str
@@ -56,7 +56,7 @@ class Log:
                 print(message.time, message.message.x_m)
             frame = log.frame("localization/ego", ["x_m", "objects[0].x_m"])
 
-    A recording that was split is opened by the name that it was given: `drive.mcap` stands for
+    A split recording is opened by its original name: `drive.mcap` stands for
     `drive_0001.mcap`, `drive_0002.mcap` and so on if there is no file of this name. Several files
     can also be given as a list. Of a file that was not closed (`drive.mcap.active`) or was cut off,
     what there is is read: `problems` says where it ends, and so does a `LogWarning`.
@@ -81,7 +81,7 @@ class Log:
             warnings.warn(f"{problem}; what there is before it is read", LogWarning, stacklevel=2)
 
     def close(self) -> None:
-        """Closes the files. Iterators that are under way keep them open."""
+        """Closes the files. Active iterators keep them open."""
         self._open = None
 
     def __enter__(self) -> Log:
@@ -101,12 +101,12 @@ class Log:
 
     @property
     def problems(self) -> list[str]:
-        """Where files end that were not closed or were cut off. Empty if all is well."""
+        """End positions of files that were not closed or were cut off. Empty without problems."""
         return self._recording.problems()
 
     @property
     def topics(self) -> Mapping[str, Topic]:
-        """All topics by name, in the order of the alphabet."""
+        """All topics by name, in alphabetical order."""
         if self._topics is None:
             topics: dict[str, Topic] = {}
             for name, encoding, type_, schema, count in sorted(self._recording.channels()):
@@ -127,14 +127,14 @@ class Log:
 
     @property
     def duration(self) -> float:
-        """From the first message to the last one, in seconds."""
+        """Time from the first message to the last one, in seconds."""
         return (self.end - self.start) / 1e9
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
-        """The metadata by name, such as `fastcycle.run`; of several of one name the last.
+        """The metadata by name, such as `fastcycle.run`; the last of several with one name.
 
-        `metadata_records` has all of them.
+        `metadata_records` returns all of them.
         """
         return dict(self.metadata_records)
 
@@ -160,10 +160,10 @@ class Log:
 
         Args:
             topics: A topic, or several.
-            start: The time from which on, itself included.
-            end: The time until which, itself not included.
+            start: First time, inclusive.
+            end: Last time, exclusive.
 
-        Raises NotFoundError if there is no such topic, LogError where the log is damaged.
+        Raises NotFoundError if there is no such topic, LogError at damage of the log.
         """
         recording = self._recording
         if topics is None:
@@ -196,7 +196,7 @@ class Log:
     def fields(self, topic: str) -> list[str]:
         """The fields of a topic's messages that have one value each, such as `header.taken_ns`.
 
-        Elements of repeated fields can be read as well, and are not among them.
+        Elements of repeated fields can be read too, but are not listed.
         """
         return self._recording.fields_of(topic)
 
@@ -213,7 +213,7 @@ class Log:
 
         Args:
             topic: The topic.
-            fields: Which fields, by default `fields(topic)`; `objects[0]` is an element of a
+            fields: The fields, by default `fields(topic)`; `objects[0]` is an element of a
                 repeated field, `covariance[:]` and `objects[:].x_m` are all of them: an array with
                 two dimensions, in which a column is an element.
             start, end: As in `messages`.
@@ -255,8 +255,8 @@ class Log:
 
         The arguments are those of `arrays`. The index is the time of the messages, UTC.
         `covariance[:]` is a column for each element. Enumerations are categories with their names;
-        integers and booleans of which some are
-        missing have pandas' types that know missing values.
+        integers and booleans with
+        missing values have pandas' nullable types.
         """
         import numpy
         import pandas

@@ -15,16 +15,16 @@ from fastcycle.errors import LogError
 
 @dataclass(frozen=True)
 class Message:
-    """A message, and what is known of it.
+    """A message and its metadata.
 
     Attributes:
-        topic: Where it was published.
+        topic: The topic.
         time: When, in nanoseconds since 1970, by the application's clock. A latched message that is
             repeated in a later file of a recording has the time at which that file begins.
         sequence: Counts the messages of its publisher.
-        publisher: The component that published it; empty if that is not known.
+        publisher: The component that published it; empty if unknown.
         message: The content, a protobuf message.
-        publish_time: When it was published; other than `time` only for a repeated one.
+        publish_time: When it was published; differs from `time` only for a repeated one.
     """
 
     topic: str
@@ -36,13 +36,13 @@ class Message:
 
 
 class MessageClasses:
-    """Protobuf classes by schema, each made once. No generated code is needed."""
+    """Protobuf classes by schema, each created once. No generated code is needed."""
 
     def __init__(self) -> None:
         self._classes: dict[tuple[str, bytes], type[ProtobufMessage]] = {}
 
     def find(self, name: str, schema: bytes) -> type[ProtobufMessage]:
-        """The class of the type `name` that the serialized FileDescriptorSet `schema` describes."""
+        """The class of type `name` in the serialized FileDescriptorSet `schema`."""
         key = (name, schema)
         if key not in self._classes:
             self._classes[key] = _make_class(name, schema)

@@ -25,7 +25,7 @@ class Received:
         message: The content, a protobuf message.
         time: When it was published, in nanoseconds, by the clock of the bench.
         sequence: Counts the messages of its publisher.
-        taken: When the oldest measurement was taken that led to it, in nanoseconds.
+        taken: Time of the oldest measurement that led to it, in nanoseconds.
     """
 
     message: Any
@@ -35,7 +35,7 @@ class Received:
 
 
 class BenchError(Error):
-    """Components that do not fit together, or a wrong configuration: each error is a line."""
+    """Inconsistent components, or a wrong configuration: one line per error."""
 
 
 class Bench:
@@ -50,13 +50,13 @@ class Bench:
                 planned.publish({"mps": 33.0})
                 assert limited.take()[0].mps == 20.0
 
-    Components, inputs and outputs are added before `start`. What is published is served at once,
-    and all that follows from it, without time advancing; timers run in `advance`.
+    Components, inputs and outputs are added before `start`. Published messages are served at once,
+    including all resulting messages, without advancing time; timers run in `advance`.
 
     A bench belongs to one thread. The libraries stay loaded until Python ends.
 
     Args:
-        library_path: Folders in which component libraries are looked for, before those that are
+        library_path: Folders that are searched for component libraries before those that are
             installed with FastCycle.
     """
 
@@ -78,8 +78,8 @@ class Bench:
         Args:
             name: Its name.
             library: `speed_limiter` for `libspeed_limiter.so`.
-            class_name: Which class of the library; by default the only one.
-            configuration: What the application file would say beside that: `params`,
+            class_name: The class of the library; by default the only one.
+            configuration: Further keys of the component in the application file: `params`,
                 `serve_period_ms`, `subscribers`, `remap`, ...
         """
         component = {"name": name, "library": library, **configuration}
@@ -88,7 +88,7 @@ class Bench:
         _guarded(self._bench.add, json.dumps(component))
 
     def configure(self, **application: Any) -> None:
-        """What the application file would say under `topics`, `shared_params`, `modes`, ..."""
+        """Sets keys of the application file: `topics`, `shared_params`, `modes`, ..."""
         _guarded(self._bench.configure, json.dumps(application))
 
     def input(self, topic: str, type: str) -> Input:
@@ -96,7 +96,7 @@ class Bench:
         return Input(self._bench, _guarded(self._bench.add_input, topic, type), type)
 
     def output(self, topic: str, type: str) -> Output:
-        """A topic that the test listens to; every message is kept until it is taken."""
+        """A topic that the test subscribes to; every message is kept until it is taken."""
         return Output(self._bench, _guarded(self._bench.add_output, topic, type), type)
 
     def client(self, service: str, request: str, reply: str) -> Client:
@@ -107,14 +107,14 @@ class Bench:
     def service(
         self, service: str, request: str, reply: str, handler: Callable[[Any], Any] | None = None
     ) -> Service:
-        """A service that the test gives.
+        """A service that the test provides.
 
         Args:
             service: Its name.
             request: The full name of the message type of requests.
             reply: That of replies.
             handler: Called with each request; returns the reply, a dict or a protobuf message. What
-                it raises is the reason for which the request is rejected. Without it requests wait
+                it raises is the reason of the rejection. Without a handler, requests wait
                 for `Service.take`.
         """
 
@@ -134,18 +134,18 @@ class Bench:
         _guarded(self._bench.start)
 
     def advance(self, seconds: float) -> None:
-        """Moves the clock, and serves every timer on the way at its time."""
+        """Advances the clock, and serves every timer at its time."""
         _guarded(self._bench.advance, round(seconds * 1e9))
 
     def stop(self) -> None:
-        """Stops the components in order; done at the end of `with` too."""
+        """Stops the components in order; also called at the end of `with`."""
         if not self._is_stopped and self._bench.is_started():
             self._is_stopped = True
             _guarded(self._bench.stop)
 
     @property
     def now(self) -> int:
-        """The time of the bench, in nanoseconds; only `advance` moves it."""
+        """The time of the bench, in nanoseconds; only `advance` changes it."""
         return _guarded(self._bench.now)
 
     def set_params(self, changes: Mapping[str, Any]) -> None:
@@ -160,19 +160,19 @@ class Bench:
 
     @property
     def mode(self) -> str:
-        """The mode that the application is in."""
+        """The current mode of the application."""
         return _guarded(self._bench.mode)
 
     def switch_mode(self, mode: str) -> None:
-        """Switches to a mode; `configure` gives `modes` and `initial_mode`."""
+        """Switches to a mode; `configure` defines `modes` and `initial_mode`."""
         _guarded(self._bench.switch_mode, mode)
 
     def activate(self, name: str) -> None:
-        """Activates a component alone, whatever the modes say."""
+        """Activates a component independently of the modes."""
         _guarded(self._bench.activate, name)
 
     def deactivate(self, name: str) -> None:
-        """The other way round."""
+        """Deactivates a component independently of the modes."""
         _guarded(self._bench.deactivate, name)
 
     def is_active(self, name: str) -> bool:
@@ -180,16 +180,16 @@ class Bench:
         return _guarded(self._bench.is_active, name)
 
     def results(self, name: str) -> dict[str, bool | int | float | str]:
-        """What a component reported so far."""
+        """The results that a component has reported."""
         return dict(_guarded(self._bench.results, name))
 
     def faults(self, name: str) -> list[str]:
-        """The faults of a component, in words."""
+        """The faults of a component, as text."""
         return _guarded(self._bench.faults, name)
 
 
 class Input:
-    """Where a test publishes. Made by `Bench.input`, and valid as long as its bench."""
+    """An input on which a test publishes. Made by `Bench.input`, and valid as long as its bench."""
 
     def __init__(self, bench: _fastcycle.Bench, name: str, type: str) -> None:
         self._bench = bench
@@ -198,11 +198,11 @@ class Input:
 
     @property
     def message_class(self) -> Any:
-        """The protobuf class of its messages; there is one once the bench was started."""
+        """The protobuf class of its messages; available after the start of the bench."""
         return _class_of(self._type)
 
     def publish(self, message: Any, taken: int | None = None) -> None:
-        """Publishes a message, a dict or a protobuf message, and serves what follows from it.
+        """Publishes a message, a dict or a protobuf message, and serves the resulting callbacks.
 
         `taken` is when the content was measured, in nanoseconds; by default now.
         """
@@ -211,7 +211,7 @@ class Input:
 
 
 class Output:
-    """Where a test sees what was published. Made by `Bench.output`, valid as long as its bench."""
+    """An output that receives published messages. Made by `Bench.output`, valid as long as its bench."""
 
     def __init__(self, bench: _fastcycle.Bench, name: str, type: str) -> None:
         self._bench = bench
@@ -223,7 +223,7 @@ class Output:
         return [received.message for received in self.take_with_info()]
 
     def take_with_info(self) -> list[Received]:
-        """The same, with what is known of each."""
+        """The same, with the metadata of each message."""
         message_class = _class_of(self._type)
         return [
             Received(message_class.FromString(data), time, sequence, taken)
@@ -232,7 +232,7 @@ class Output:
 
 
 class Client:
-    """Where a test calls a service. Made by `Bench.client`, and valid as long as its bench."""
+    """A client with which a test calls a service. Made by `Bench.client`, and valid as long as its bench."""
 
     def __init__(self, bench: _fastcycle.Bench, name: str, request: str, reply: str) -> None:
         self._bench = bench
@@ -241,11 +241,11 @@ class Client:
         self._reply = reply
 
     def call(self, request: Any = None, deadline: float | None = None) -> Answer:
-        """Calls now, and serves what follows from it; the answer may come later.
+        """Calls now, and serves the resulting callbacks; the answer may come later.
 
         Args:
-            request: A dict or a protobuf message; by default one that says nothing.
-            deadline: How long the answer may take, in seconds of the bench.
+            request: A dict or a protobuf message; by default an empty one.
+            deadline: Maximum time until the answer, in seconds of the bench's clock.
         """
         data = serialize(_class_of(self._request), {} if request is None else request)
         deadline_ns = None if deadline is None else round(deadline * 1e9)
@@ -254,7 +254,7 @@ class Client:
 
 
 class Answer:
-    """What became of a call of a test. Made by `Client.call`."""
+    """The result of a test's call. Made by `Client.call`."""
 
     def __init__(self, bench: _fastcycle.Bench, name: str, number: int, type: str) -> None:
         self._bench = bench
@@ -267,18 +267,18 @@ class Answer:
 
     @property
     def is_done(self) -> bool:
-        """Whether the answer is there."""
+        """Whether the answer has arrived."""
         return self._get() is not None
 
     @property
     def status(self) -> str:
-        """`open` as long as there is none; `ok`, `late`, `rejected`, `absent`, ..."""
+        """`open` before the answer; `ok`, `late`, `rejected`, `absent`, ..."""
         found = self._get()
         return "open" if found is None else found[0]
 
     @property
     def error(self) -> str:
-        """In words; empty if all is well."""
+        """The error as text; empty if there is none."""
         found = self._get()
         return "" if found is None else found[1]
 
@@ -291,12 +291,12 @@ class Answer:
         return _class_of(self._type).FromString(found[2])
 
     def cancel(self) -> None:
-        """Cancels the call, and serves what follows from it."""
+        """Cancels the call, and serves the resulting callbacks."""
         _guarded(self._bench.cancel, self._name, self._number)
 
 
 class Service:
-    """A service that a test gives. Made by `Bench.service`, and valid as long as its bench."""
+    """A service that a test provides. Made by `Bench.service`, and valid as long as its bench."""
 
     def __init__(self, bench: _fastcycle.Bench, name: str, request: str, reply: str) -> None:
         self._bench = bench
@@ -319,7 +319,7 @@ class Service:
 
 
 class Request:
-    """A request that waits for the test's answer. Made by `Service.take`.
+    """A request that awaits the test's answer. Made by `Service.take`.
 
     Attributes:
         message: The request, a protobuf message.
@@ -335,15 +335,15 @@ class Request:
         self.message = message
 
     def answer(self, reply: Any = None) -> None:
-        """Answers with a dict or a protobuf message, and serves what follows from it.
+        """Answers with a dict or a protobuf message, and serves the resulting callbacks.
 
-        Does nothing if nobody waits any more.
+        Does nothing if the caller no longer waits.
         """
         data = serialize(_class_of(self._type), {} if reply is None else reply)
         _guarded(self._bench.answer, self._name, self._number, data)
 
     def reject(self, reason: str) -> None:
-        """The caller gets `rejected` with this reason."""
+        """Rejects the request: the caller receives `rejected` with this reason."""
         _guarded(self._bench.reject, self._name, self._number, reason)
 
 
