@@ -40,7 +40,7 @@ def sizes_of(text: str) -> tuple[int, ...]:
     units = {"": 1, "K": 1 << 10, "M": 1 << 20}
     found = [re.fullmatch(r"([1-9][0-9]*)([KM]?)B?", word.strip().upper()) for word in text.split(",")]
     if not all(found):
-        raise argparse.ArgumentTypeError(f'wants bytes above 0, as 64, 32K or 4M, with commas, not "{text}"')
+        raise argparse.ArgumentTypeError(f'expects bytes above 0, as 64, 32K or 4M, with commas, not "{text}"')
     return tuple(int(word[1]) * units[word[2]] for word in found if word)
 
 

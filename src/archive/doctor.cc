@@ -153,7 +153,7 @@ class ChunkCheck {
                index_.message_start_time_ns)
         .field("message_end_time", count_ == 0 ? index_.message_end_time_ns : last_ns_,
                index_.message_end_time_ns)
-        .report(findings_, place, Opcode::kChunk, "as its messages have it");
+        .report(findings_, place, Opcode::kChunk, "as in its messages");
     if (!index_.message_index_offsets.empty()) {
       find_missing(place);
     }
@@ -345,7 +345,7 @@ class SummaryCheck {
     if (group == groups_.end()) {
       findings_.error(place, Opcode::kSummaryOffset,
                       fmt::format("the beginning of the records {}", name_of(listed.group_opcode)),
-                      fmt::format("byte {}, where they do not begin", listed.group_start));
+                      fmt::format("byte {}, which is not their beginning", listed.group_start));
     } else {
       Difference()
           .field("group_length", group->end - group->begin, listed.group_length)
@@ -422,8 +422,8 @@ class SummaryCheck {
       return &found->second;
     }
     if (!is_too_large_) {
-      findings_.error(place, record, "the place of what it names",
-                      fmt::format("byte {}, where something else stands", offset));
+      findings_.error(place, record, "the offset of the record that it names",
+                      fmt::format("byte {}, which holds something else", offset));
     }
     return nullptr;
   }
@@ -498,9 +498,9 @@ class ChannelCheck {
   void conclude(const mcap::Channel& channel, Findings& findings) const {
     if (backwards_ > 0) {
       findings.warn(findings.at(first_backwards_), Opcode::kMessage,
-                    fmt::format("log times of channel {} ({}) that do not go back", channel.id,
+                    fmt::format("non-decreasing log times of channel {} ({})", channel.id,
                                 shown(channel.topic)),
-                    fmt::format("{} that do, here the first", backwards_));
+                    fmt::format("{} decreasing ones, the first here", backwards_));
     }
     const std::uint64_t span = static_cast<std::uint64_t>(highest_ - lowest_) + 1;
     const bool has_numbers = highest_ > lowest_;
@@ -508,7 +508,7 @@ class ChannelCheck {
       findings.warn(findings.at(mcap::Place::kWholeFile), Opcode::kMessage,
                     fmt::format("all sequences of channel {} ({}) from its first to its last",
                                 channel.id, shown(channel.topic)),
-                    fmt::format("{} that are missing", span - numbered_));
+                    fmt::format("{} missing", span - numbered_));
     }
   }
 
@@ -561,7 +561,7 @@ void check_loss(const mcap::Metadata& metadata, const mcap::Place& place, Findin
   }
   if (reasons != numbers["lost"]) {
     findings.error(place, Opcode::kMetadata,
-                   fmt::format("lost {} for {}, as its reasons add up to", reasons, name),
+                   fmt::format("lost {} for {}, the sum of its reasons", reasons, name),
                    fmt::format("{}", numbers["lost"]));
   }
 }
@@ -609,8 +609,8 @@ class Doctor {
     if (left > 0) {
       findings_.error({.place = stop.problem.place,
                        .record = {},
-                       .expected = "to read on behind it",
-                       .found = fmt::format("{} bytes of which nobody knows what they are", left)});
+                       .expected = "a valid record after it",
+                       .found = fmt::format("{} unreadable bytes", left)});
     }
     return false;
   }
@@ -648,8 +648,8 @@ class Doctor {
     if (schema.encoding == "protobuf") {
       const MessageTypes::Found& found = types_.find(schema);
       if (found.type == nullptr && reported_schemas_.insert(schema.id).second) {
-        findings_.error(place, Opcode::kSchema, "all that is needed to read " + shown(schema.name),
-                        found.problem);
+        findings_.error(place, Opcode::kSchema,
+                        "all definitions needed to read " + shown(schema.name), found.problem);
       }
     }
   }

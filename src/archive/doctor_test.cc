@@ -125,7 +125,7 @@ TEST_F(Changed, FieldsOfAChunkIndexAreFound) {
 
 TEST_F(Changed, PlaceInAChunkIndexIsFound) {
   change(Opcode::kChunkIndex, 16);
-  expect_error("ChunkIndex: expected the place of what it names");
+  expect_error("ChunkIndex: expected the offset of the record that it names");
 }
 
 TEST_F(Changed, OffsetOfAMessageIndexIsFound) {
@@ -233,9 +233,9 @@ TEST(DoctorOf, NumbersThatAreMissingWarn) {
   };
 
   EXPECT_THAT(diagnosed(log_of({head(4), head(7), head(6)})).warnings,
-              ElementsAre(HasSubstr("found 1 that are missing")));
+              ElementsAre(HasSubstr("found 1 missing")));
   EXPECT_THAT(diagnosed(log_of({head(0xFFFFFFFF), head(0), head(2)})).warnings,
-              ElementsAre(HasSubstr("found 1 that are missing")));
+              ElementsAre(HasSubstr("found 1 missing")));
   EXPECT_THAT(diagnosed(log_of({head(0), head(0), head(0)})).warnings, IsEmpty());
 }
 
@@ -255,7 +255,7 @@ TEST(DoctorOf, LossThatDoesNotAddUpIsAnError) {
       diagnosed(loss("8", "2")).errors,
       ElementsAre(HasSubstr("published = recorded + lost for \"scene\", found 10 = 8 + 3")));
   EXPECT_THAT(diagnosed(loss("7", "5")).errors,
-              ElementsAre(HasSubstr("lost 6 for \"scene\", as its reasons add up to, found 3")));
+              ElementsAre(HasSubstr("lost 6 for \"scene\", the sum of its reasons, found 3")));
   EXPECT_THAT(diagnosed(loss("many", "2")).errors, ElementsAre(HasSubstr("a number for")));
 }
 

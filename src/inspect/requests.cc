@@ -110,7 +110,7 @@ void Server::answer(Client& client, const protocol::Request& request) {
     case What::kPlayback:
       if (playback_ == nullptr) {
         throw Refusal(protocol::Error::KIND_REFUSED, "no recording is played into this run",
-                      "fastcycle view LOG shows a recording, and can go to any time of it");
+                      "use fastcycle view LOG to show a recording and seek in it");
       }
       playback_->obey(request.playback());
       *answer.mutable_playback() = playback_->state();

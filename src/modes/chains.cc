@@ -201,7 +201,7 @@ void Chains::check(config::Problems& problems) {
       if (is_replay) {
         // The application as a whole was checked before: the cause is components that do not run.
         problem.warning = true;
-        problem.message = its + "is not judged in this replay: it " + what;
+        problem.message = its + "is not checked in this replay: it " + what;
         problem.hint.clear();
       }
       problems.add(std::move(problem));

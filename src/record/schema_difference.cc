@@ -33,8 +33,8 @@ std::string kind_of(const FieldDescriptor& field) {
 
 std::string field_difference(const FieldDescriptor& recorded, const FieldDescriptor* here) {
   if (here == nullptr) {
-    return fmt::format("field {} = {} ({}) of the recording is not there any more",
-                       recorded.full_name(), recorded.number(), kind_of(recorded));
+    return fmt::format("field {} = {} ({}) of the recording no longer exists", recorded.full_name(),
+                       recorded.number(), kind_of(recorded));
   }
   if (kind_of(recorded) != kind_of(*here)) {
     return fmt::format("field {} = {} is {}, and was {} when it was recorded", here->full_name(),

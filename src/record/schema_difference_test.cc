@@ -65,7 +65,7 @@ TEST_F(Schemas, ARenamedFieldIsFound) {
 
 TEST_F(Schemas, AFieldThatIsNewAndOneThatIsGoneAreFound) {
   message("MessageInfo").mutable_field(4)->set_number(99);
-  EXPECT_THAT(difference(), HasSubstr("held = 99 (bool) of the recording is not there any more"));
+  EXPECT_THAT(difference(), HasSubstr("held = 99 (bool) of the recording no longer exists"));
   message("MessageInfo").mutable_field()->DeleteSubrange(4, 1);
   EXPECT_THAT(difference(), HasSubstr("held = 5 (bool) is not in the recording"));
 }

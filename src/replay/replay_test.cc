@@ -735,9 +735,10 @@ TEST_F(Replays, OfOneComponentDoNotJudgeChainsThatOthersWouldEnd) {
   EXPECT_TRUE(report_.chains[1].is_judged);
   EXPECT_GT(report_.chains[1].count, 0U);
   EXPECT_THAT(build_problems_,
-              HasSubstr("the chain \"all\" is not judged in this replay: it ends at "
+              HasSubstr("the chain \"all\" is not checked in this replay: it ends at "
                         "\"doubled\", which nothing of \"numbers\" reaches"));
-  EXPECT_THAT(to_table(report_), HasSubstr("not judged: this replay runs too little of its way"));
+  EXPECT_THAT(to_table(report_),
+              HasSubstr("not checked: this replay executes too little of the chain"));
 }
 
 // ---- Live ----

@@ -88,8 +88,8 @@ std::string table_of(const std::vector<TopicChange>& topics, std::int64_t begin_
       text += field_line(topic.fields[i], begin_ns);
     }
     if (topic.fields.size() > kMostFields) {
-      text += fmt::format("  and {} more fields (--report has them)\n",
-                          topic.fields.size() - kMostFields);
+      text +=
+          fmt::format("  and {} more fields (see --report)\n", topic.fields.size() - kMostFields);
     }
   }
   return text;

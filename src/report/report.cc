@@ -670,7 +670,7 @@ std::string troubles_text(const RunReport& report) {
     }
     if (component.health != Health::kOk) {
       const std::string reason = base::on_one_line(component.health_reason);
-      text += wrapped("  " + component.name + " says that it is " + to_word(component.health) +
+      text += wrapped("  " + component.name + " reports that it is " + to_word(component.health) +
                           (reason.empty() ? "" : ": " + reason),
                       "    ");
     }
@@ -811,15 +811,16 @@ std::string modes_text(const ModesReport& modes) {
   }
   for (std::size_t i = skipped; i < modes.switches.size(); ++i) {
     const ModesReport::Switch& made = modes.switches[i];
-    std::string line = fmt::format("  {:.6f} s  {} → {}, asked for by {}", made.time_s, made.from,
-                                   made.to, made.by.empty() ? "nobody within" : made.by);
+    std::string line =
+        fmt::format("  {:.6f} s  {} → {}, requested {}", made.time_s, made.from, made.to,
+                    made.by.empty() ? std::string("from outside") : "by " + made.by);
     if (!made.why.empty()) {
       line += ": " + made.why;
     }
     text += wrapped(base::on_one_line(line), "      ");
   }
   if (modes.refused > 0) {
-    text += fmt::format("  {} more were refused: too many waited\n", modes.refused);
+    text += fmt::format("  {} more were refused: too many were pending\n", modes.refused);
   }
   return text;
 }
@@ -827,7 +828,7 @@ std::string modes_text(const ModesReport& modes) {
 /// Details of a chain beside its row; empty if there were no breaches.
 std::string breaches_text(const ChainReport& chain) {
   if (!chain.is_judged) {
-    return "    not judged: this replay runs too little of its way\n";
+    return "    not checked: this replay executes too little of the chain\n";
   }
   if (chain.breaches == 0) {
     return {};
@@ -882,9 +883,9 @@ std::string replay_text(const ReplayReport& replay) {
                         others == 1 ? "topic was" : "topics were");
   }
   if (replay.parted_infos > 0) {
-    text += fmt::format(
-        "  {} messages came without their round and origin: a tool has put those far behind them\n",
-        replay.parted_infos);
+    text +=
+        fmt::format("  {} messages have no round and origin: a tool moved those far behind them\n",
+                    replay.parted_infos);
   }
   return text;
 }
@@ -897,11 +898,11 @@ std::string reasons_text(const record::RecordedTopic& topic) {
     }
   };
   add(topic.overflow, "in its queue");
-  add(topic.process, "on the way from the process that published them");
-  add(topic.pool, "by a dry pool");
-  add(topic.memory, "since memory was full");
-  add(topic.disk, "since they could not be written or their file is gone");
-  add(topic.too_large, "since they were too large");
+  add(topic.process, "between processes");
+  add(topic.pool, "by an exhausted pool");
+  add(topic.memory, "because memory was full");
+  add(topic.disk, "because they could not be written or their file was removed");
+  add(topic.too_large, "because they were too large");
   add(topic.shutdown, "before the start or after the stop");
   return text;
 }
@@ -925,10 +926,10 @@ std::string recording_text(const RecordingReport& recording) {
     text += wrapped("  " + file, "      ");
   }
   if (!recording.problem.empty()) {
-    text += wrapped("  not all is there: " + recording.problem, "      ");
+    text += wrapped("  incomplete: " + recording.problem, "      ");
   }
   if (recording.activations_lost > 0) {
-    text += fmt::format("  {} activations are missing: they came too fast\n",
+    text += fmt::format("  {} activations are missing: their rate was too high\n",
                         recording.activations_lost);
   }
   return text + losses;
@@ -943,8 +944,8 @@ std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
                   flight_recorder.file.string(), lost == 0 ? "nothing lost" : "with losses");
   if (lost > 0) {
     text += fmt::format(
-        "  {} lost in their queues, {} by dry pools, {} larger than half of it, {} between two "
-        "processes\n",
+        "  {} lost in their queues, {} by exhausted pools, {} larger than half of the ring, {} "
+        "between processes\n",
         flight_recorder.overflow, flight_recorder.pool, flight_recorder.too_large,
         flight_recorder.process);
   }
@@ -963,8 +964,7 @@ std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
     text += wrapped(base::on_one_line(line), "      ");
   }
   if (flight_recorder.triggers_refused > 0) {
-    text += fmt::format("  {} triggers more: no dump was written for them\n",
-                        flight_recorder.triggers_refused);
+    text += fmt::format("  {} more triggers without a dump\n", flight_recorder.triggers_refused);
   }
   return text;
 }

@@ -80,7 +80,7 @@ class Reasons {
         "{} unmatched: {} of \"{}\" and \"{}\" differ by at least {} ms, {}", report.count, times_,
         input_.topic.name, other.topic.name, report.difference_ms.value_or(0),
         options_.policy == SyncPolicy::kExact
-            ? "the policy kExact wants equal ones"
+            ? "the policy kExact requires equal stamps"
             : fmt::format("max_difference is {} ms", ms(options_.max_difference.count())));
     reasons_.push_back(std::move(report));
   }

@@ -266,7 +266,7 @@ void Session::subscribe(const Json& json) {
                                 ? foxglove::to_id(one["channelId"])
                                 : std::optional<std::uint32_t>();
     if (!id || !channel_id) {
-      refuse("a subscription wants \"id\" and \"channelId\", both numbers of 32 bits");
+      refuse("a subscription expects \"id\" and \"channelId\", both numbers of 32 bits");
     } else if (hub_.find_channel(*channel_id) == nullptr) {
       refuse(fmt::format("there is no channel {}", *channel_id));
     } else if (subscriptions_.contains(*id)) {
@@ -303,7 +303,7 @@ void Session::advertise(const Json& json) {
                                                           : std::optional<std::uint32_t>();
     const std::string topic = one.is_object() ? foxglove::text_of(one, "topic") : std::string();
     if (!id || topic.empty()) {
-      refuse("a channel wants \"id\", a number of 32 bits, and \"topic\"");
+      refuse("a channel expects \"id\", a number of 32 bits, and \"topic\"");
     } else if (!hub_.may_publish(topic)) {
       refuse(
           fmt::format("topic \"{}\" may not be published on: the application's \"live\" names "
@@ -313,7 +313,7 @@ void Session::advertise(const Json& json) {
       refuse(fmt::format("there is no topic \"{}\"", topic));
     } else if (const std::string encoding = foxglove::text_of(one, "encoding");
                !is_known(encoding)) {
-      refuse(fmt::format("topic \"{}\" wants the encoding protobuf or json, type {}, not \"{}\"",
+      refuse(fmt::format("topic \"{}\" expects the encoding protobuf or json, type {}, not \"{}\"",
                          topic, channel->type, encoding.substr(0, 64)));
     } else if (own_channels_.size() >= kMaxChannels && !own_channels_.contains(*id)) {
       refuse(fmt::format("a client has at most {} channels", kMaxChannels));
@@ -366,7 +366,7 @@ void Session::call(const foxglove::ClientCall& call) {
     return;
   }
   if (!is_known(call.encoding)) {
-    fail(fmt::format("service \"{}\" wants the encoding protobuf or json, not \"{}\"",
+    fail(fmt::format("service \"{}\" expects the encoding protobuf or json, not \"{}\"",
                      service->name, call.encoding.substr(0, 64)));
     return;
   }
@@ -463,7 +463,7 @@ void Session::set_params(const Json& json) {
   for (const Json& one : list_of(json, "parameters")) {
     const std::string name = one.is_object() ? foxglove::text_of(one, "name") : std::string();
     if (name.empty() || !one.contains("value")) {
-      refuse("a parameter wants \"name\" and \"value\"; none can be removed");
+      refuse("a parameter expects \"name\" and \"value\"; none can be removed");
       return;
     }
     auto& change = *request.mutable_change_params()->add_changes();

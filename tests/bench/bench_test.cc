@@ -342,7 +342,7 @@ TEST_F(Bench, DiskComparesARecordingWithBareWritesOfTheSameBlocks) {
 TEST_F(Bench, DiskThatIsTooSmallIsSaidBefore) {
   EXPECT_EQ(launch({"disk", "--size", "64M", "--count", "100000000"}), 1);
 
-  EXPECT_THAT(errors_, AllOf(HasSubstr("MB left"), HasSubstr("take a smaller --count")));
+  EXPECT_THAT(errors_, AllOf(HasSubstr("MB left"), HasSubstr("use a smaller --count")));
   EXPECT_THAT(left_behind(), IsEmpty());
 }
 
@@ -454,22 +454,22 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
        "trace"},
       {{"latency", "--size", "5X"}, "as 64, 32K or 4M"},
       {{"latency", "--size", "2G"}, "up to 1G"},
-      {{"latency", "--count", "0"}, "--count wants a number from 1"},
+      {{"latency", "--count", "0"}, "--count expects a number from 1"},
       {{"latency", "--count", "many"}, "--count"},
-      {{"latency", "--interval-us", "0"}, "--interval-us wants"},
-      {{"fanout", "--subs", "1000"}, "--subs wants a number from 1 to 999, not 1000"},
-      {{"chain", "--hops", "1000"}, "--hops wants a number from 1 to 999, not 1000"},
-      {{"startup", "--components", "999"}, "--components wants a number from 1 to 998"},
+      {{"latency", "--interval-us", "0"}, "--interval-us expects"},
+      {{"fanout", "--subs", "1000"}, "--subs expects a number from 1 to 999, not 1000"},
+      {{"chain", "--hops", "1000"}, "--hops expects a number from 1 to 999, not 1000"},
+      {{"startup", "--components", "999"}, "--components expects a number from 1 to 998"},
       {{"latency", "--wait", "sleep"}, "--wait is \"park\", \"spin\" or \"adaptive\""},
       {{"latency", "--floors", "some"}, "--floors is"},
       {{"latency", "--subs", "3"}, "it is for fanout"},
       {{"startup", "--for", "10"}, "with its unit"},
       {{"timer", "--clock", "sundial"}, "--clock is"},
-      {{"timer", "--clock", "simulated", "--fifo"}, "measures no time"},
+      {{"timer", "--clock", "simulated", "--fifo"}, "does not measure time"},
       {{"timer", "--clock", "simulated", "--wait", "park"}, "--wait means nothing"},
       {{"fanout", "--floors", "all"}, "it is for chain"},
       {{"startup", "--floors", "none"}, "--floors means nothing"},
-      {{"flood", "--size", "1G", "--window", "65536"}, "take a smaller --size"},
+      {{"flood", "--size", "1G", "--window", "65536"}, "use a smaller --size"},
       {{"latency", "--raw", "/nonexistent/x.csv"}, "cannot be written"},
       {{"latency", "--sise", "64"}, "did you mean \"--size\"?"}};
   for (const auto& [words, hint] : cases) {

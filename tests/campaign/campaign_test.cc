@@ -126,7 +126,7 @@ TEST_F(Campaign, GoesOnWhereItWasEnded) {
   ASSERT_TRUE(first.wait_for("seed "));  // The first that failed.
   first.send(SIGINT);
   EXPECT_EQ(first.wait().exit_code, 1);
-  EXPECT_THAT(first.errors(), HasSubstr("the same command goes on"));
+  EXPECT_THAT(first.errors(), HasSubstr("repeat the command to continue"));
   const auto done = summary()["ran"].get<int>();
   EXPECT_LT(done, 2000);
 
@@ -138,7 +138,7 @@ TEST_F(Campaign, GoesOnWhereItWasEnded) {
 
   Process other(campaign({"--seeds", "3"}, "tracks_lost < 2"));
   EXPECT_EQ(other.wait().exit_code, 2);
-  EXPECT_THAT(other.errors(), HasSubstr("found has another campaign: its judges differ"));
+  EXPECT_THAT(other.errors(), HasSubstr("found contains another campaign: its judges differ"));
 }
 
 TEST_F(Campaign, DoesNotGoOnWithAnotherLibraryOrAnotherIncludedFile) {
@@ -160,12 +160,13 @@ TEST_F(Campaign, DoesNotGoOnWithAnotherLibraryOrAnotherIncludedFile) {
   std::ofstream(folder_ / "libcampaign_parts.so", std::ios::app) << "built anew";
   Process other(options);
   EXPECT_EQ(other.wait().exit_code, 2);
-  EXPECT_THAT(other.errors(), HasSubstr("found has another campaign: its libraries differ"));
+  EXPECT_THAT(other.errors(), HasSubstr("found contains another campaign: its libraries differ"));
 
   folder_.write("more.json", R"({"name": "more", "components": [], "shared_params": {"a": 1}})");
   Process included(options);
   EXPECT_EQ(included.wait().exit_code, 2);
-  EXPECT_THAT(included.errors(), HasSubstr("found has another campaign: its application differs"));
+  EXPECT_THAT(included.errors(),
+              HasSubstr("found contains another campaign: its application differs"));
 }
 
 TEST_F(Campaign, FindsCrashes) {

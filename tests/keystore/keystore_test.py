@@ -107,7 +107,7 @@ class Keystore(unittest.TestCase):
         self.assert_refused("keys/public/identity_ca.cert.pem: expected a file of a keystore", "add", "keys", "gateway")
         self.security("init", "keys")
         self.assert_refused('found "/../x"', "add", "keys", "../x")
-        self.assert_refused('"a b" is no name of ROS 2', "add", "keys", "gateway", "--publish", "a b")
+        self.assert_refused('"a b" is not a valid ROS 2 name', "add", "keys", "gateway", "--publish", "a b")
         self.assert_refused("--domain", "add", "keys", "gateway", "--domain", "231")
         self.assert_refused("--days", "add", "keys", "gateway", "--days", "0")
 

@@ -475,10 +475,10 @@ TEST_F(Launcher, WrongCommandLineIsReportedInASentence) {
     std::string sentence;
   };
   const std::vector<Case> cases{
-      {{"rnu", app}, "there is no command \"rnu\"; did you mean \"run\"?"},
+      {{"rnu", app}, "unknown command \"rnu\"; did you mean \"run\"?"},
       {{"run"}, "application is required"},
-      {{"run", app, "other.json"}, "does not know what to do with \"other.json\""},
-      {{"run", app, "--reprot=x"}, "there is no option --reprot; did you mean \"--report\"?"},
+      {{"run", app, "other.json"}, "unexpected argument \"other.json\""},
+      {{"run", app, "--reprot=x"}, "unknown option --reprot; did you mean \"--report\"?"},
       {{"run", app, "--for", "10"}, "--for wants a time above zero with its unit"},
       {{"run", app, "--for", "0s"}, "--for wants a time above zero with its unit"},
       {{"run", app, "--for", "-1s"}, "--for wants a time above zero with its unit"},
@@ -488,19 +488,19 @@ TEST_F(Launcher, WrongCommandLineIsReportedInASentence) {
       {{"run", app, "--clock", "simulated", "--workers", "0"}, "--workers wants a number"},
       {{"run", app, "--rate", "0"}, "--rate wants a number"},
       {{"run", app, "--rate", "nan"}, "--rate wants a number"},
-      {{"run", app, "--rate", "fast"}, "--rate wants a number, found \"fast\""},
+      {{"run", app, "--rate", "fast"}, "--rate expects a number, found \"fast\""},
       {{"run", app, "--workers", "1.5"},
-       "--workers wants a whole number, not below 0, found \"1.5\""},
-      {{"run", app, "--quiet=maybe"}, "--quiet wants no value, found \"maybe\""},
+       "--workers expects a whole number, not below 0, found \"1.5\""},
+      {{"run", app, "--quiet=maybe"}, "--quiet expects no value, found \"maybe\""},
       {{"run", app, "--load-timeout", "5"}, "500ms or 10s, found \"5\""},
       {{"check", app, "--timing", "x", "--margin", "0.5"},
-       "--margin wants a number from 1 to 100, found \"0.5\""},
+       "--margin expects a number from 1 to 100, found \"0.5\""},
       {{"log", "--level", "loud"},
-       "--level wants one of debug, info, warning, error, found \"loud\""},
-      {{"topic", "hz", "a", "--count", "0"}, "--count wants a number above zero, found \"0\""},
-      {{"run", app, "--for"}, "--for wants a value: TIME"},
+       "--level expects one of debug, info, warning, error, found \"loud\""},
+      {{"topic", "hz", "a", "--count", "0"}, "--count expects a number above zero, found \"0\""},
+      {{"run", app, "--for"}, "--for expects a value: TIME"},
       {{"run", app, "--for", "1s", "--for", "2s"}, "--for may be given only once"},
-      {{"doctor", app, "--for", "1s"}, "files and --for do not go together"},
+      {{"doctor", app, "--for", "1s"}, "files and --for cannot be used together"},
       {{"graph", app, "-o", "picture.bmp"}, "ends in .svg or .dot"},
   };
 
@@ -544,7 +544,7 @@ TEST_F(Launcher, GraphShowsComponentsAndTopics) {
   EXPECT_THAT(output_, HasSubstr("launcher.Number"));
   EXPECT_THAT(output_, HasSubstr("component_0 -> topic_0"));
   EXPECT_THAT(output_, HasSubstr("topic_0 -> component_1"));
-  EXPECT_THAT(errors_, HasSubstr("-o FILE.svg makes a picture of it"));
+  EXPECT_THAT(errors_, HasSubstr("-o FILE.svg writes a picture"));
 }
 
 TEST_F(Launcher, GraphIsWrittenAsDotAndDrawnAsSvg) {
@@ -671,7 +671,7 @@ TEST_F(Launcher, ParamsAreListedAsMarkdownAndOnlyThoseThatAreWanted) {
   EXPECT_THAT(output_, Not(HasSubstr("counter")));
 
   EXPECT_EQ(launch({"params", application(), "addr"}), 2);
-  EXPECT_THAT(errors_, HasSubstr("no component and no param \"addr\"; did you mean \"adder\"?"));
+  EXPECT_THAT(errors_, HasSubstr("unknown component or param \"addr\"; did you mean \"adder\"?"));
   EXPECT_EQ(output_, "");
 }
 
@@ -878,7 +878,7 @@ TEST_F(Launcher, LogThatWasDeletedFailsTheRun) {
   program.send(SIGINT);
 
   EXPECT_EQ(take(program), 1) << errors_;
-  EXPECT_THAT(output_, HasSubstr("not all is there: "));
+  EXPECT_THAT(output_, HasSubstr("incomplete: "));
   for (const auto& [name, topic] : report()["recording"]["topics"].items()) {
     std::uint64_t lost = 0;
     for (const auto& [reason, count] : topic["lost"].items()) {
@@ -1124,7 +1124,7 @@ TEST_F(Launcher, NothingIsStartedWhereThereCanBeNoFlightRecorder) {
   EXPECT_EQ(run({"--flight-recorder", (folder_ / "missing/drive.ring").string()}), 2);
   EXPECT_THAT(errors_, HasSubstr("missing/drive.ring"));
   EXPECT_EQ(run({"--flight-recorder-mb", "0"}), 2);
-  EXPECT_THAT(errors_, HasSubstr("--flight-recorder-mb wants a number from 1"));
+  EXPECT_THAT(errors_, HasSubstr("--flight-recorder-mb expects a number from 1"));
 }
 
 TEST_F(Launcher, WhatTheMachineRefusesIsReportedOnceAndFatalOnlyWhenStrict) {

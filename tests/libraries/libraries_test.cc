@@ -372,7 +372,7 @@ TEST(LoadTimeout, MustBeATime) {
                      .folder = folder.path()});
 
     EXPECT_EQ(process.wait().exit_code, 2) << text;
-    EXPECT_TRUE(contains(process.errors(), "--load-timeout…wants a time above zero"))
+    EXPECT_TRUE(contains(process.errors(), "--load-timeout…expects a time above zero"))
         << process.errors();
   }
 }

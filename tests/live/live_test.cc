@@ -392,7 +392,7 @@ TEST_F(LiveCommands, GraphShowsRatesAndLatencies) {
                              HasSubstr("sensor/readings"), HasSubstr(" Hz"), HasSubstr("% CPU"),
                              HasSubstr("p99 ")));
   EXPECT_EQ(command({"graph", "--live", "--set", "a.b=1"}), 2);
-  EXPECT_THAT(errors_, HasSubstr("--set means nothing with --live"));
+  EXPECT_THAT(errors_, HasSubstr("--set cannot be used with --live"));
   EXPECT_EQ(command({"graph"}), 2);
   EXPECT_THAT(errors_, HasSubstr("application is required"));
 }
@@ -526,18 +526,18 @@ TEST_F(LiveCommands, WrongWordsAreReportedInASentence) {
     std::string sentence;
   };
   const std::vector<Case> cases{
-      {{"topik"}, "fastcycle: there is no command \"topik\"; did you mean \"topic\"?"},
-      {{"topic", "ecco"}, "fastcycle topic: there is no command \"ecco\"; did you mean \"echo\"?"},
+      {{"topik"}, "fastcycle: unknown command \"topik\"; did you mean \"topic\"?"},
+      {{"topic", "ecco"}, "fastcycle topic: unknown command \"ecco\"; did you mean \"echo\"?"},
       {{"topic", "echo"}, "fastcycle topic echo: topics is required"},
       {{"topic", "hz", "a", "--evry", "1s"},
-       "fastcycle topic hz: there is no option --evry; did you mean \"--every\"?"},
-      {{"topic", "hz", "a", "b"}, "fastcycle topic hz: does not know what to do with \"b\""},
-      {{"topic", "hz", "a", "--every", "1"}, "wants a time above zero with its unit"},
+       "fastcycle topic hz: unknown option --evry; did you mean \"--every\"?"},
+      {{"topic", "hz", "a", "b"}, "fastcycle topic hz: unexpected argument \"b\""},
+      {{"topic", "hz", "a", "--every", "1"}, "expects a time above zero with its unit"},
       {{"topic", "--app", "x", "list"}, "fastcycle topic: "},
       {{"param", "get"}, "fastcycle param get: params is required"},
       {{"log", "--level", "loud"}, "fastcycle log: "},
-      {{"record", "--live", "app.json"}, "say --app NAME, not a file"},
-      {{"graph", "app.json", "--app", "x"}, "--app is for --live"},
+      {{"record", "--live", "app.json"}, "give --app NAME, not a file"},
+      {{"graph", "app.json", "--app", "x"}, "--app requires --live"},
   };
   for (const Case& each : cases) {
     EXPECT_EQ(command(each.words), 2) << each.sentence;

@@ -367,7 +367,7 @@ test("what is wrong is said", async () => {
   wrong(1, /drive\.html: expected a name that is free/, drive, "-o", "drive.html");
   wrong(1, /the log ends before that/, drive, "--start", "60s", "-o", "x.html");
   wrong(2, /--start/, drive, "--start", "soon");
-  wrong(2, /--end wants a time after --start/, drive, "--start", "3s", "--end", "2s");
+  wrong(2, /--end expects a time after --start/, drive, "--start", "3s", "--end", "2s");
   writeFileSync(at("wrong.json"), '{"layers": {"ego": {"topic": 7}}}');
   wrong(2, /wrong\.json: \/layers\/ego\/topic: expected a name, found 7/, drive, "--view", "wrong.json", "-o", "x.html");
   writeFileSync(at("other.json"), '{"layers": {"ego": {"topic": "no/topic", "fields": {"x": "x_m"}}}}');
@@ -377,7 +377,7 @@ test("what is wrong is said", async () => {
   // Half of it: what there is is shown, and it is said where it ends.
   copyFileSync(at(drive), at("half.mcap"));
   truncateSync(at("half.mcap"), Math.floor(statSync(at(drive)).size / 2));
-  wrong(0, /half\.mcap: .*what there is was taken/, "half.mcap");
+  wrong(0, /half\.mcap: .*the readable part was used/, "half.mcap");
   const bytes = readFileSync(at(drive));
   bytes.fill(0, Math.floor(bytes.length / 2), Math.floor(bytes.length / 2) + 4096);  // More than what is between chunks.
   writeFileSync(at("bad.mcap"), bytes);

@@ -233,9 +233,8 @@ TEST_F(Replay, ErrorsAreReportedBeforeAnythingStarts) {
       {{"run", path("app.json"), "--replay-into", "adder"}, "--replay FILE"},
       {{"play", path("app.json")}, "wants recordings and, behind them, an application"},
       {{"play", "a.mcap", path("app.json"), "--topics", "other/*"}, "there is nothing to feed"},
-      {{"play", "a.mcap", path("app.json"), "--remap", "numbers"}, "--remap wants OLD:=NEW"},
-      {{"play", "a.mcap", path("app.json"), "--start", "2", "--end", "1"},
-       "--end has to be behind"},
+      {{"play", "a.mcap", path("app.json"), "--remap", "numbers"}, "--remap expects OLD:=NEW"},
+      {{"play", "a.mcap", path("app.json"), "--start", "2", "--end", "1"}, "--end must be after"},
       {{"play", "a.mcap", path("app.json"), "--rate", "0"}, "--rate wants"}};
   for (const auto& [words, text] : cases) {
     EXPECT_EQ(fastcycle(words), 2) << words.back();

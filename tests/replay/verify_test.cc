@@ -305,9 +305,9 @@ TEST_F(Verify, WhatIsWrongIsSaid) {
   EXPECT_EQ(fastcycle({"verify", "nowhere.mcap"}), 2);
   EXPECT_THAT(errors_, HasSubstr("nowhere.mcap"));
   EXPECT_EQ(fastcycle({"verify", "app.json"}), 2);
-  EXPECT_THAT(errors_, HasSubstr("wants a log"));
+  EXPECT_THAT(errors_, HasSubstr("expects a log"));
   EXPECT_EQ(fastcycle({"verify", "live.mcap", "--workers", "0"}), 2);
-  EXPECT_THAT(errors_, HasSubstr("--workers wants a number from 1 to 64"));
+  EXPECT_THAT(errors_, HasSubstr("--workers expects a number from 1 to 64"));
   EXPECT_EQ(fastcycle({"debug", "live.mcap", "--component", "adder", "--activation", "100000"}), 2);
   EXPECT_THAT(errors_, HasSubstr("has the activations 1 to"));
 }

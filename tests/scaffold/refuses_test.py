@@ -35,9 +35,9 @@ class Refuses(unittest.TestCase):
         for name in ("Speed", "9lives", "_x", "a-b", "a/b", "..", "", "ä", "x" * 41):
             self.assert_refused("expected a name of at most 40 small letters", "app", name)
         for name in ("double", "static_cast", "co_await"):
-            self.assert_refused(f'"{name}" is a word of C++', "app", name)
+            self.assert_refused(f'"{name}" is a keyword of C++', "app", name)
         for name in ("test", "component", "m", "linux", "gtest", "int32_t"):
-            self.assert_refused(f'"{name}" is the name of something else', "app", name)
+            self.assert_refused(f'"{name}" is already used', "app", name)
         self.assert_refused('"index" is a function of the C library', "app", "index")
 
     def test_what_exists_is_not_written_over(self):
@@ -48,13 +48,13 @@ class Refuses(unittest.TestCase):
         self.assertEqual(self.new("app", "garage").returncode, 0)
         (self.folder / "garage/components/motor_test.cc").write_text("mine")
         self.assert_refused("components/motor_test.cc exists already", "component", "motor", folder="garage")
-        self.assert_refused("has already fastcycle_component(NAME garage", "component", "garage", folder="garage")
-        self.assert_refused("has already fastcycle_messages(NAME garage_messages", "messages", "garage",
+        self.assert_refused("already contains fastcycle_component(NAME garage", "component", "garage", folder="garage")
+        self.assert_refused("already contains fastcycle_messages(NAME garage_messages", "messages", "garage",
                             folder="garage")
 
     def test_a_component_needs_a_project_and_its_messages(self):
-        self.assert_refused("here is no project of FastCycle", "component", "motor")
-        self.assert_refused("here is no project of FastCycle", "messages", "motor")
+        self.assert_refused("this folder is not a FastCycle project", "component", "motor")
+        self.assert_refused("this folder is not a FastCycle project", "messages", "motor")
         self.assertEqual(self.new("app", "garage").returncode, 0)
         self.assert_refused("there is no messages/radar/value.proto", "component", "motor", "--messages", "radar",
                             folder="garage")

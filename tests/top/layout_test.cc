@@ -167,9 +167,9 @@ TEST(Layout, KeepsColumnsInLineUnderWideNames) {
 
 TEST(Layout, SaysThatThereIsNothing) {
   View view = view_of(Page::kComponents);
-  EXPECT_THAT(text_of(Model{}, view, 80, 24), HasSubstr("there are no components"));
+  EXPECT_THAT(text_of(Model{}, view, 80, 24), HasSubstr("no components"));
   view.page = Page::kTopics;
-  EXPECT_THAT(text_of(Model{}, view, 80, 24), HasSubstr("there are no topics"));
+  EXPECT_THAT(text_of(Model{}, view, 80, 24), HasSubstr("no topics"));
   view.filter = "lidar";
   EXPECT_THAT(text_of(Model{}, view, 80, 24), HasSubstr("nothing matches the filter"));
 }
@@ -271,7 +271,7 @@ TEST(Layout, OfDetailsOfWhatIsGoneSaysSo) {
   view.order().selected = "gone";
   view.shows_details = true;
 
-  EXPECT_THAT(text_of(drive(), view, 80, 24), HasSubstr("gone is not there any more"));
+  EXPECT_THAT(text_of(drive(), view, 80, 24), HasSubstr("gone no longer exists"));
 }
 
 TEST(Layout, OfTheHelpExplainsAllColumnsOfItsPage) {

@@ -160,44 +160,41 @@ int check(const CheckOptions& options) {
 }  // namespace
 
 Command add_check(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("check",
-                                          "Find every error of an application, in its files and "
-                                          "in its components, and start nothing");
+  CLI::App* line = program.add_subcommand(
+      "check", "Report all errors in an application's files and components, without starting it");
   line->footer(examples(
       "  fastcycle check app.json\n"
       "  fastcycle check app.json --overlay vehicle_17.json --print\n"
       "  fastcycle check app.json --print-pins >pins.json; fastcycle run app.json --overlay "
       "pins.json\n"
-      "  fastcycle check app.json --timing times.json   can the latency chains hold?\n"
+      "  fastcycle check app.json --timing times.json   do the latency chains hold?\n"
       "  fastcycle run app.json --report r.json; fastcycle check app.json --timing r.json\n"));
   const auto options = std::make_shared<CheckOptions>();
   options->configuration.add_to(*line);
   line->add_flag("--print", options->print,
-                 "Print the effective configuration, and where each value comes from");
+                 "Print the effective configuration and the source of each value");
   line->add_flag("--print-pins", options->print_pins,
-                 "Print an overlay that lets these libraries be loaded, as they are now, and no "
-                 "others")
+                 "Print an overlay that pins the libraries: only these, unchanged, may be loaded")
       ->excludes("--print");
   const auto when_timed = [line](CLI::Option* option) {
     return option->needs(line->get_option("--timing"));
   };
   line->add_option("--timing", options->timing,
-                   "Estimate whether the \"chains\" can hold, from how long callbacks take: a file "
-                   "of such times, or the report of a run. Repeatable; exit code 3 if one is not "
-                   "shown to hold")
+                   "Estimate whether the \"chains\" meet their deadlines, from callback durations: "
+                   "a file of them, or the report of a run. Repeatable; exit code 3 if one chain "
+                   "is not shown to hold")
       ->allow_extra_args(false)
       ->type_name("FILE");
   when_timed(line->add_option("--margin", options->margin,
-                              "Take this many times the longest callbacks of a report (1.2)")
+                              "Factor for the longest callback durations of a report (1.2)")
                  ->type_name("FACTOR")
                  ->check(is_number_from(1.0, 100.0)));
   when_timed(line->add_option("--wake-us", options->wake_us,
-                              "What the machine takes, at most, until a woken worker runs, in "
-                              "microseconds (200)")
+                              "Maximum wake-up latency of a worker, in microseconds (200)")
                  ->type_name("US")
                  ->check(is_number_from(0.0, 1e6)));
   when_timed(line->add_option("--cpus", options->cpus,
-                              "CPUs of the machine that it will run on (those of this one)")
+                              "Number of CPUs of the target machine (those of this one)")
                  ->type_name("N")
                  ->check(is_number_from(1, 1024)));
   when_timed(line->add_flag("--json", options->json, "Print the estimate as one JSON document"));

@@ -5,7 +5,8 @@
 namespace fastcycle::tool {
 
 const char* const kAbsentCommands =
-    "\nThis build has only the commands for a first drive. ./dev build release makes one with all "
+    "\n"
+    "This build contains only the commands for a first drive. ./dev build release builds all "
     "commands.\n";
 
 std::vector<Command> add_commands(CLI::App& program) {

@@ -116,7 +116,7 @@ std::string to_notes(const std::vector<host::ExactReplayResult>& results) {
                           result.recorded, result.why);
     }
     if (result.not_recorded > 0 && result.outputs == 0) {
-      text += fmt::format("{}: {} messages that it published are on topics that the log lacks\n",
+      text += fmt::format("{}: {} published messages are on topics that the log does not contain\n",
                           result.component, result.not_recorded);
     }
   }
@@ -238,7 +238,8 @@ int compare_drive(CompareOptions& options, const ReportFile& report_file) {
     return kFailed;
   }
   if (is_stopped) {
-    print_text(stderr, "fastcycle compare: stopped on request; not all was executed\n");
+    print_text(stderr,
+               "fastcycle compare: stopped on request; not all activations were executed\n");
     static_cast<void>(flush_output());
     return kFailed;
   }
@@ -278,16 +279,15 @@ int compare(CompareOptions& options) {
 
 Command add_compare(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "compare",
-      "Execute a log with changed components, and report by how much what they publish changed");
+      "compare", "Execute a log with changed components, and report how their messages differ");
   line->footer(examples(
       "  fastcycle compare drive.mcap --library-path build/new/lib\n"
       "  fastcycle compare drive.mcap app.json --set planning.margin_m=1.5 --page both.html\n"
       "  fastcycle compare drive.mcap app.json --component planning --report out.json\n"
       "\n"
-      "Like verify, and after a change: each component is given what it was given then, and each\n"
-      "message that it publishes is compared, field by field, with the recorded one of the same\n"
-      "activation. Mean and max are of the size of the change, over all values that changed.\n"
+      "Like verify, but for changed components: each component receives its recorded inputs, and\n"
+      "each message that it publishes is compared field by field with the recorded message of the\n"
+      "same activation. Mean and max are the size of the change, over all values that changed.\n"
       "\n"
       "Exit codes: 0 all equal, 1 stopped or not written, 2 wrong input, 3 a difference.\n"));
   const auto options = std::make_shared<CompareOptions>();
@@ -295,14 +295,14 @@ Command add_compare(CLI::App& program) {
   options->replaying.add_input_to(*line);
   line->add_option("--report", options->report, "Write the results as JSON")->type_name("FILE");
   line->add_option("--page", options->page,
-                   "Write a page as `fastcycle render` does, with both drives over each other")
+                   "Write a page as `fastcycle render` does, with both drives superimposed")
       ->type_name("FILE.html");
   line->add_option("--view", options->view,
-                   "Which topics and fields the page shows, JSON (docs/reference/page.md)")
+                   "Topics and fields that the page shows, JSON (docs/reference/page.md)")
       ->type_name("FILE");
-  line->add_option("--log", options->log, "Write the new messages as a log")
+  line->add_option("--log", options->log, "Write the new messages to a log")
       ->type_name("FILE.mcap");
-  line->add_flag("--force", options->is_forced, "Replace what has the name of the page or log");
+  line->add_flag("--force", options->is_forced, "Overwrite an existing page or log");
   return {line, [options] { return compare(*options); }};
 }
 

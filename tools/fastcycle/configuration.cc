@@ -49,18 +49,17 @@ void Configuration::add_to(CLI::App& line) {
   add_repeatable(line, "--var", load.variables, "NAME=VALUE",
                  "Set a variable of the application, ${NAME}. Repeatable");
   add_repeatable(line, "--overlay", load.overlays, "FILE",
-                 "Merge this file over the application, in the order given. Repeatable");
-  add_repeatable(
-      line, "--isolate", load.isolated, "NAME|all",
-      "Put this component, or those of a pattern such as camera/*, or all, into a process "
-      "of its own, unless the application names one. Repeatable");
+                 "Merge this overlay into the application, in the order given. Repeatable");
+  add_repeatable(line, "--isolate", load.isolated, "NAME|all",
+                 "Run this component, or each that matches a pattern such as camera/*, or all, in "
+                 "a separate process, unless the application assigns one. Repeatable");
   add_repeatable(line, "--library-path", library_path, "DIR",
-                 "Look for component libraries here first. Repeatable");
+                 "Search this folder first for component libraries. Repeatable");
   line.add_option("--load-timeout", load_timeout,
-                  "Limit of loading a library or constructing a component (10s)")
+                  "Time limit for loading a library or constructing a component (10s)")
       ->type_name("TIME")
       ->check(is_time());
-  line.add_flag("-v,--verbose", is_verbose, "Say which file each component library is loaded from");
+  line.add_flag("-v,--verbose", is_verbose, "Print the file of each component library");
 }
 
 config::ApplicationDescription Configuration::read(host::ConstructorFault on_throw,

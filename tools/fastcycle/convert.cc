@@ -20,7 +20,7 @@ namespace {
 int print_result(const Rewriting& work, const rosbag::Converted& done) {
   const std::string in = work.inputs[0].string();
   for (const mcap::Problem& problem : done.problems) {
-    print_problem(work.command, problem, "what there is was taken");
+    print_problem(work.command, problem, "the readable part was used");
   }
   std::uint64_t copied = 0;
   bool is_all = true;
@@ -28,20 +28,20 @@ int print_result(const Rewriting& work, const rosbag::Converted& done) {
   for (const rosbag::Topic& topic : done.topics) {
     if (!topic.is_converted) {
       copied += topic.messages;
-      words += fmt::format("{}: {}: {} is not known here; copied as they are: {} messages\n", in,
+      words += fmt::format("{}: {}: unknown type {}; copied without conversion: {} messages\n", in,
                            archive::printable(topic.name),
                            topic.type.empty() ? "no type" : archive::printable(topic.type),
                            topic.messages);
     } else if (topic.unreadable > 0) {
       is_all = false;
-      words += fmt::format("{}: {}: missing, as they are no {}: {} of {} messages; the first: {}\n",
-                           in, archive::printable(topic.name), topic.type, topic.unreadable,
+      words += fmt::format("{}: {}: not valid {}, left out: {} of {} messages; the first: {}\n", in,
+                           archive::printable(topic.name), topic.type, topic.unreadable,
                            topic.messages, archive::printable(topic.error));
     }
   }
   print_text(stderr, words);
   if (!work.is_quiet) {
-    print_to(stdout, "{}: {} messages of a ROS bag, of which {} are copied as they are\n",
+    print_to(stdout, "{}: {} messages of a ROS bag, of which {} are copied without conversion\n",
              work.output.string(), done.messages, copied);
   }
   const int code = flush_output();
@@ -66,9 +66,9 @@ int convert_rosbag(Rewriting& work, const mcap::FileSource& source) {
 }  // namespace
 
 Command add_convert(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("convert",
-                                          "Write a log anew: with another compression, other "
-                                          "chunks, an index; or a ROS 2 bag as a log");
+  CLI::App* line = program.add_subcommand(
+      "convert",
+      "Rewrite a log with another compression, chunk size or index, or convert a ROS 2 bag");
   line->footer(
       examples("  fastcycle convert drive.mcap small.mcap --compression zstd\n"
                "  fastcycle convert drive.mcap plain.mcap --compression none --no-index\n"
@@ -79,10 +79,10 @@ Command add_convert(CLI::App& program) {
   work->command = "convert";
   work->inputs.resize(1);
   line->add_option("in", work->inputs[0], "The log")->required()->type_name("IN");
-  line->add_option("out", work->output, "The new one")->required()->type_name("OUT");
+  line->add_option("out", work->output, "The new log")->required()->type_name("OUT");
   line->add_flag("--no-index", *has_no_index,
-                 "Without indexes of chunks and messages: readers have to go through all of it");
-  line->add_flag("--as-it-is", *is_as_it_is, "Leave messages of ROS in their own encoding");
+                 "Write no chunk and message indexes; readers then have to scan the whole file");
+  line->add_flag("--as-it-is", *is_as_it_is, "Keep ROS messages in their original encoding");
   work->add_options(*line);
   return {line, [work, has_no_index, is_as_it_is] {
             work->layout.has_index = !*has_no_index;

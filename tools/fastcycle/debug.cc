@@ -47,13 +47,13 @@ std::optional<std::uint64_t> find_activation(const DebugOptions& options,
       known.push_back(one.name);
     }
     const std::string hint = config::did_you_mean(config::nearest(component, known));
-    print_error("debug", "the log has no component \"" + component + "\"" +
+    print_error("debug", "the log contains no component \"" + component + "\"" +
                              (hint.empty() ? hint : "; " + hint));
     return std::nullopt;
   }
   const auto& all = recorded->activations;
   if (all.empty()) {
-    print_error("debug", "the log has no activation of \"" + component + "\"");
+    print_error("debug", "the log contains no activation of \"" + component + "\"");
     return std::nullopt;
   }
   if (options.at.empty()) {
@@ -140,10 +140,10 @@ int debug(DebugOptions& options) {
   }
   const auto& components = options.replaying.options.components;
   if (components.size() != 1) {
-    return print_error("debug", "wants one component: --component NAME");
+    return print_error("debug", "expects one component: --component NAME");
   }
   if ((options.activation == 0) == options.at.empty()) {
-    return print_error("debug", "wants --activation N, or --at TIME");
+    return print_error("debug", "expects --activation N, or --at TIME");
   }
   if (!is_there("gdb")) {
     return print_error("debug", "gdb is not installed; apt install gdb");
@@ -176,27 +176,28 @@ int debug(DebugOptions& options) {
 }  // namespace
 
 Command add_debug(CLI::App& program) {
-  CLI::App* line = program.add_subcommand(
-      "debug", "Stop in gdb before one activation of a log, as often as you like");
+  CLI::App* line =
+      program.add_subcommand("debug", "Re-execute a log up to an activation and stop there in gdb");
   line->footer(examples(
       "  fastcycle debug drive.mcap --component motion_planning --activation 1234\n"
       "  fastcycle debug drive.mcap app.json --component control --at 12.3s\n"
       "  fastcycle debug drive.mcap --component control --at 5s --batch --ex 'print *object'\n"
       "\n"
-      "The log is executed again up to that activation; then gdb has the process, with the\n"
-      "component in the variable `object`. It is the same each time. See `fastcycle verify`.\n"));
+      "The log is executed again up to that activation; then gdb stops the process, with the\n"
+      "component in the variable `object`. Each execution is identical.\n"
+      "See `fastcycle verify`.\n"));
   const auto options = std::make_shared<DebugOptions>();
   options->replaying.add_to(*line);
-  line->add_option("--activation", options->activation, "Its number, as verify and echo print it")
+  line->add_option("--activation", options->activation,
+                   "Number of the activation, as verify and echo print it")
       ->type_name("N");
-  line->add_option("--at", options->at, "The first one at this time of the run, or later")
+  line->add_option("--at", options->at, "First activation at or after this time of the run")
       ->type_name("TIME")
       ->check(is_time());
-  line->add_option("--ex", options->commands,
-                   "Have gdb execute this once it has stopped (repeatable)")
+  line->add_option("--ex", options->commands, "gdb command to execute after the stop (repeatable)")
       ->allow_extra_args(false)
       ->type_name("COMMAND");
-  line->add_flag("--batch", options->is_batch, "End gdb after that");
+  line->add_flag("--batch", options->is_batch, "Exit gdb after these commands");
   return {line, [options] { return debug(*options); }};
 }
 

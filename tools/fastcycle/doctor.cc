@@ -137,7 +137,8 @@ int look_at_dds(const DoctorOptions& options) {
   execv(arguments.front(), arguments.data());
   if (errno == ENOENT) {
     print_to(stderr,
-             "fastcycle doctor: this installation has no DDS; the package fastcycle-dds has it\n");
+             "fastcycle doctor: this installation has no DDS support; install the package "
+             "fastcycle-dds\n");
   } else {
     print_to(stderr, "fastcycle doctor: {}: {}\n", words.front(), std::strerror(errno));
   }
@@ -172,48 +173,46 @@ int doctor(const DoctorOptions& options) {
 
 Command add_doctor(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "doctor",
-      "What this machine allows, and how late it is; or check logs, or the network of DDS");
+      "doctor", "Check this machine for latency problems; or check logs, or the DDS network");
   line->footer(examples(
       "  fastcycle doctor\n"
       "  fastcycle doctor drive.mcap\n"
       "  fastcycle doctor --json drive_*.mcap\n"
       "  fastcycle doctor --dds --domain 42 --interface eth0\n"
       "\n"
-      "Without a file: the rights, settings of the kernel and wake-ups that latencies hang on, "
-      "the\n"
-      "worst first, each with the command that changes it. With --dds: the network, who is in the\n"
-      "domain, and why messages between them do not pass.\n"
+      "Without a file: the privileges, kernel settings and wake-up times that determine latency,\n"
+      "worst first, each with the command that changes it. With --dds: the network, the\n"
+      "participants of the domain, and why messages between them are not delivered.\n"
       "\n"
-      "Exit codes: 0 all in order (warnings and what could be better do not count), 3 problems\n"
+      "Exit codes: 0 no problems (warnings and possible improvements do not count), 3 problems\n"
       "found, 1 a file cannot be read, 2 the command line is wrong.\n"));
   const auto options = std::make_shared<DoctorOptions>();
   CLI::Option* const files =
       line->add_option("files", options->files, "The logs")->type_name("FILE…");
   line->add_option("--for", options->time,
-                   "Measure each way of waking up so long (2s), or watch the network (10s)")
+                   "Duration of each wake-up measurement (2s), or of watching the network (10s)")
       ->type_name("TIME")
       ->check(is_time())
       ->excludes(files);
-  CLI::Option* const dds = line->add_flag("--dds", options->dds.is_wanted,
-                                          "Look at DDS: the network, and nodes of ROS 2")
-                               ->excludes(files);
-  line->add_option("--domain", options->dds.domain, "Of DDS, 0 to 232 (ROS_DOMAIN_ID, else 0)")
+  CLI::Option* const dds =
+      line->add_flag("--dds", options->dds.is_wanted, "Check DDS: the network and the ROS 2 nodes")
+          ->excludes(files);
+  line->add_option("--domain", options->dds.domain, "DDS domain, 0 to 232 (ROS_DOMAIN_ID, else 0)")
       ->type_name("N")
       ->check(is_number_from(0, 232))
       ->needs(dds);
-  line->add_option("--interface", options->dds.interface, "Look at this network interface alone")
+  line->add_option("--interface", options->dds.interface, "Check only this network interface")
       ->type_name("NAME")
       ->needs(dds);
-  line->add_option("--engine", options->dds.engine, "Take part by this engine (cyclone)")
+  line->add_option("--engine", options->dds.engine, "DDS implementation to use (cyclone)")
       ->type_name("cyclone|fast")
       ->needs(dds);
-  line->add_option("--security", options->dds.security, "Take part with this enclave")
+  line->add_option("--security", options->dds.security, "Enclave to use")
       ->type_name("DIR")
       ->needs(dds);
   line->add_flag("--json", options->is_json,
-                 "One JSON object; of logs, one a line for each finding");
-  line->add_flag("--quiet", options->is_quiet, "No progress line");
+                 "Print one JSON object; for logs, one line for each finding");
+  line->add_flag("--quiet", options->is_quiet, "Print no progress line");
   return {line, [options] { return doctor(*options); }};
 }
 

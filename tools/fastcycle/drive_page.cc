@@ -27,9 +27,8 @@ DriveView DriveView::read(const std::filesystem::path& path) {
 bool has_drive_page(const std::string& command) {
   if (page_html().empty()) {
     print_to(stderr,
-             "fastcycle {}: this program was built without its page: when it was built, node or\n"
-             "the packages of tools/page/package.json were missing (./dev setup, then ./dev "
-             "build)\n",
+             "fastcycle {}: this program was built without its page, because node or the packages\n"
+             "of tools/page/package.json were missing (./dev setup, then ./dev build)\n",
              command);
     return false;
   }

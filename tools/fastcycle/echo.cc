@@ -200,7 +200,7 @@ int echo(const EchoOptions& options) {
   archive::require_messages(reader.problem(), reader.statistics()->message_count);
   mcap::MessageQuery query{.topics = topics_of(reader, options.patterns)};
   if (query.topics.empty() && !options.patterns.empty()) {
-    print_to(stderr, "fastcycle echo: no topic of {} is meant by {}\n", options.file.string(),
+    print_to(stderr, "fastcycle echo: no topic of {} matches {}\n", options.file.string(),
              options.patterns.front());
     return kFailed;
   }
@@ -211,7 +211,7 @@ int echo(const EchoOptions& options) {
   }
   const int result = print(reader, std::move(query), options);
   if (reader.problem()) {
-    print_problem("echo", *reader.problem(), "this is what there is before it");
+    print_problem("echo", *reader.problem(), "the messages before it are printed");
   }
   return result;
 }
@@ -227,15 +227,15 @@ Command add_echo(CLI::App& program) {
   const auto options = std::make_shared<EchoOptions>();
   line->add_option("file", options->file, "The log")->required()->type_name("FILE");
   line->add_option("topics", options->patterns,
-                   "Only these: control/* (one level), camera/** (any)")
+                   "Only topics that match: control/* (one level), camera/** (any)")
       ->type_name("TOPIC-PATTERN");
-  line->add_option("--count", options->count, "Only so many")->type_name("N");
-  line->add_option("--start", options->start, "From here on, from the beginning of the log: 10s")
+  line->add_option("--count", options->count, "End after this number of messages")->type_name("N");
+  line->add_option("--start", options->start, "Start time, from the beginning of the log: 10s")
       ->type_name("TIME");
-  line->add_option("--end", options->end, "Up to here, from the beginning of the log: 15s")
+  line->add_option("--end", options->end, "End time, from the beginning of the log: 15s")
       ->type_name("TIME");
-  line->add_flag("--full", options->is_full, "Large fields as well, and all of long lists");
-  line->add_flag("--json", options->is_json, "One JSON object a line");
+  line->add_flag("--full", options->is_full, "Print large fields and long lists in full");
+  line->add_flag("--json", options->is_json, "Print one JSON object per line");
   return {line, [options] { return echo(*options); }};
 }
 

@@ -45,31 +45,28 @@ void silence(config::ApplicationDescription& description) {
 
 void ExactReplaying::add_to(CLI::App& line) {
   line.add_option("log", files,
-                  "The files of one log, then the application's JSON file; without one the "
-                  "application as the log has it")
+                  "The files of one log, then the application's JSON file (that in the log)")
       ->required()
       ->type_name("FILE.mcap [APP.json]");
   configuration.add_to(line);
   line.remove_option(line.get_option("application"));
   line.add_option("--component", options.components,
-                  "Execute only this component (repeatable); without it all whose inputs the log "
-                  "has")
+                  "Execute only this component (all whose inputs are in the log); repeatable")
       ->allow_extra_args(false)
       ->type_name("NAME");
   line.add_option("--workers", workers,
-                  "Threads (as many as the machine has CPUs); the result does not depend on it")
+                  "Number of threads (that of CPUs); the result does not depend on it")
       ->type_name("N");
-  line.add_option(
-          "--start", start,
-          "Begin here, from the beginning of the run: 8s. Each component begins at its last "
-          "key frame before; one that declares no state, at the beginning of the log")
+  line.add_option("--start", start,
+                  "Start time, from the beginning of the run: 8s. Each component begins at its "
+                  "last key frame before; one that declares no state, at the beginning of the log")
       ->type_name("TIME");
 }
 
 void ExactReplaying::add_input_to(CLI::App& line) {
-  line.add_option("--continue-with", input,
-                  "What a component is given of another one that is executed too: the recorded "
-                  "message, or the new one")
+  line.add_option(
+          "--continue-with", input,
+          "Input from other executed components: their recorded messages, or their new ones")
       ->type_name("recorded|new")
       ->check(is_one_of({"recorded", "new"}));
 }
@@ -80,7 +77,7 @@ std::string ExactReplaying::find_wrong() {
     files.pop_back();
   }
   if (files.empty()) {
-    return "wants a log: drive.mcap, or drive.mcap app.json";
+    return "expects a log: drive.mcap, or drive.mcap app.json";
   }
   options.files = files;
   options.input = input == "new" ? host::ExactReplayOptions::Input::kNew
@@ -98,7 +95,8 @@ std::string ExactReplaying::find_wrong() {
     const auto [last, error] = std::from_chars(workers.data(), end, options.workers);
     if (error != std::errc() || last != end || options.workers == 0 ||
         options.workers > kMaxWorkers) {
-      return fmt::format("--workers wants a number from 1 to {}, not \"{}\"", kMaxWorkers, workers);
+      return fmt::format("--workers expects a number from 1 to {}, not \"{}\"", kMaxWorkers,
+                         workers);
     }
   }
   return {};
@@ -120,7 +118,8 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   Configuration& configuration = replaying.configuration;
   if (configuration.load.file.empty()) {
     if (schedule.application.empty()) {
-      print_to(stderr, "fastcycle {}: the log does not have its application: name its JSON file\n",
+      print_to(stderr,
+               "fastcycle {}: the log does not contain its application; give its JSON file\n",
                command);
       return nullptr;
     }
@@ -142,8 +141,8 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   };
   if (std::ranges::any_of(description.faults.list, changes_messages)) {
     print_to(stderr,
-             "warning: messages were frozen or corrupted in this run; the log has what was "
-             "published, not what the faults made of it: who received that may differ\n");
+             "warning: faults froze or corrupted messages in this run; the log contains the "
+             "published messages, so their receivers may differ\n");
   }
   config::ApplicationDescription silent = description;
   silence(silent);
@@ -171,7 +170,7 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
     return nullptr;
   }
   for (const std::string& name : other_builds(schedule.facts, application.explanation().facts)) {
-    print_to(stderr, "warning: {} is another build than the one that was recorded\n", name);
+    print_to(stderr, "warning: {} is not the build that was recorded\n", name);
   }
   config::Problems wrong;
   made->replay_ = std::make_unique<host::ExactReplay>(application, recorded, schedule,

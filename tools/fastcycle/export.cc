@@ -114,7 +114,8 @@ archive::Table export_to_output(const mcap::Reader& reader, const ExportOptions&
 
 void print_cut(const archive::Table& table, const std::string& topic) {
   for (const std::string& field : table.cut) {
-    print_to(stderr, "fastcycle export: {}: not all of {} has a column (--max-repeated N)\n", topic,
+    print_to(stderr,
+             "fastcycle export: {}: some elements of {} have no column (--max-repeated N)\n", topic,
              field);
   }
 }
@@ -124,7 +125,7 @@ int run(const ExportOptions& options) {
   const mcap::Reader reader(source);
   archive::require_messages(reader.problem(), reader.statistics()->message_count);
   if (reader.problem()) {
-    print_problem("export", *reader.problem(), "what there is was taken");
+    print_problem("export", *reader.problem(), "the readable part was used");
   }
   if (options.output.empty()) {
     try {
@@ -154,7 +155,7 @@ int run(const ExportOptions& options) {
 
 int export_topics(const ExportOptions& options) {
   if (options.output.empty() && options.topics.size() > 1) {
-    return print_error("export", "several topics want a folder for their files: -o DIR");
+    return print_error("export", "several topics require a folder for their files: -o DIR");
   }
   return run(options);
 }
@@ -162,25 +163,25 @@ int export_topics(const ExportOptions& options) {
 }  // namespace
 
 Command add_export(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("export", "Write the messages of topics as tables, CSV");
+  CLI::App* line = program.add_subcommand("export", "Write the messages of topics to CSV tables");
   line->footer(
       examples("  fastcycle export drive.mcap --topic control/speed -o speed.csv\n"
                "  fastcycle export drive.mcap --topic control/speed --topic imu/accel -o tables\n"
                "  fastcycle export drive.mcap --topic control/speed | head\n"));
   const auto options = std::make_shared<ExportOptions>();
   line->add_option("file", options->file, "The log")->required()->type_name("FILE");
-  line->add_option("--topic", options->topics, "A topic with messages of protobuf. Repeatable")
+  line->add_option("--topic", options->topics, "A topic with protobuf messages. Repeatable")
       ->required()
       ->allow_extra_args(false)
       ->type_name("T");
   line->add_option("-o,--output", options->output,
-                   "Where to: FILE.csv, of several topics a folder; else standard output")
+                   "Output: FILE.csv, or a folder for several topics (standard output)")
       ->type_name("PATH");
   line->add_option("--max-repeated", options->max_repeated,
-                   "Columns for so many elements of a repeated field (64)")
+                   "Maximum number of columns for a repeated field (64)")
       ->type_name("N");
-  line->add_flag("--force", options->is_forced, "Replace what has the name of the output");
-  line->add_flag("--quiet", options->is_quiet, "No progress line, no words about what was done");
+  line->add_flag("--force", options->is_forced, "Overwrite an existing output");
+  line->add_flag("--quiet", options->is_quiet, "Print no progress line and no summary");
   return {line, [options] { return export_topics(*options); }};
 }
 

@@ -21,7 +21,7 @@ int filter(FilterOptions& options) {
   std::string wrong = read_offset("--start", options.start, begin_ns);
   wrong = wrong.empty() ? read_offset("--end", options.end, selection.end_ns) : wrong;
   if (wrong.empty() && selection.end_ns && *selection.end_ns <= begin_ns.value_or(0)) {
-    wrong = "--end is before --start, or at the same time";
+    wrong = "--end must be after --start";
   }
   if (!wrong.empty()) {
     return print_error("filter", wrong);
@@ -34,7 +34,7 @@ int filter(FilterOptions& options) {
 
 Command add_filter(CLI::App& program) {
   CLI::App* line =
-      program.add_subcommand("filter", "Keep some topics of a log, or some of its time");
+      program.add_subcommand("filter", "Keep selected topics or a time range of a log");
   line->footer(
       examples("  fastcycle filter drive.mcap control.mcap --topics 'control/*'\n"
                "  fastcycle filter drive.mcap scene.mcap --start 10s --end 15s\n"
@@ -44,17 +44,17 @@ Command add_filter(CLI::App& program) {
   work.command = "filter";
   work.inputs.resize(1);
   line->add_option("in", work.inputs[0], "The log")->required()->type_name("IN");
-  line->add_option("out", work.output, "The new one")->required()->type_name("OUT");
+  line->add_option("out", work.output, "The new log")->required()->type_name("OUT");
   line->add_option("--topics", work.selection.topics.topics,
-                   "Only these: control/* (one level), camera/** (any). Repeatable")
+                   "Only topics that match: control/* (one level), camera/** (any). Repeatable")
       ->allow_extra_args(false)
       ->type_name("PATTERN");
-  line->add_option("--except", work.selection.topics.except, "Not these. Repeatable")
+  line->add_option("--except", work.selection.topics.except, "Omit topics that match. Repeatable")
       ->allow_extra_args(false)
       ->type_name("PATTERN");
-  line->add_option("--start", options->start, "From here on, from the beginning of the log: 10s")
+  line->add_option("--start", options->start, "Start time, from the beginning of the log: 10s")
       ->type_name("TIME");
-  line->add_option("--end", options->end, "Up to here, from the beginning of the log: 15s")
+  line->add_option("--end", options->end, "End time, from the beginning of the log: 15s")
       ->type_name("TIME");
   work.add_options(*line);
   return {line, [options] { return filter(*options); }};

@@ -7,10 +7,10 @@ namespace fastcycle::tool {
 
 std::string FlightOptions::find_wrong(const config::ApplicationDescription& application) const {
   if (size_mb && !(*size_mb >= 1 && *size_mb <= 1e6)) {
-    return "--flight-recorder-mb wants a number from 1 to 1000000";
+    return "--flight-recorder-mb expects a number from 1 to 1000000";
   }
   if (size_mb && file.empty() && !application.flight_recorder) {
-    return "--flight-recorder-mb says how much --flight-recorder FILE holds, which is missing";
+    return "--flight-recorder-mb requires --flight-recorder FILE";
   }
   return {};
 }

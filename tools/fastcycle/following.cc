@@ -59,10 +59,11 @@ standby::Follower::Listener Following::listener() {
       const std::lock_guard lock(mutex_);
       stage_ = Stage::kHasTakenOver;
     }
-    application_.log(LogLevel::kWarning, {},
-                     fmt::format("process \"{}\" has taken over, {:.3f} ms after it saw the end of "
-                                 "the other one",
-                                 name_, static_cast<double>(duration_ns) / 1e6));
+    application_.log(
+        LogLevel::kWarning, {},
+        fmt::format(
+            "process \"{}\" has taken over, {:.3f} ms after it detected the end of the other one",
+            name_, static_cast<double>(duration_ns) / 1e6));
   };
   if (is_shadow_) {
     listener.compare = [this](const auto& publisher, const auto& theirs, const auto& own,

@@ -48,7 +48,7 @@ std::string draw(const std::filesystem::path& input, int output) {
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) {
     return error == ENOENT
-               ? "Graphviz is not installed (its program dot draws it); -o FILE.dot needs none"
+               ? "the program dot of Graphviz is not installed; -o FILE.dot does not need it"
                : std::string("dot cannot be started: ") + std::strerror(error);
   }
   int status = 0;
@@ -86,7 +86,7 @@ int write_graph(const std::string& dot, const std::filesystem::path& output,
                 const Inputs& inputs = {}) {
   if (output.empty()) {
     print_text(stdout, dot);
-    print_text(stderr, "fastcycle graph: -o FILE.svg makes a picture of it\n");
+    print_text(stderr, "fastcycle graph: -o FILE.svg writes a picture\n");
     return flush_output();
   }
   const std::string obstacle = output.extension() == ".svg" ? write_svg(dot, output, inputs)
@@ -101,7 +101,7 @@ int write_graph(const std::string& dot, const std::filesystem::path& output,
 int graph(const GraphOptions& options, const CLI::App& line) {
   const std::filesystem::path extension = options.output.extension();
   if (!options.output.empty() && extension != ".svg" && extension != ".dot") {
-    print_to(stderr, "fastcycle graph: -o wants a name that ends in .svg or .dot, not {}\n",
+    print_to(stderr, "fastcycle graph: -o expects a name that ends in .svg or .dot, not {}\n",
              options.output.string());
     return kWrong;
   }
@@ -130,17 +130,17 @@ Command add_graph(CLI::App& program) {
                "  fastcycle graph app.json | dot -Tpng -o app.png\n"
                "  fastcycle graph --live -o now.svg\n"
                "\n"
-               "--live draws an application that runs with --inspect, with its rates, latencies\n"
-               "and losses.\n"));
+               "--live draws an application that runs with --inspect, with rates, latencies and\n"
+               "losses.\n"));
   const auto options = std::make_shared<GraphOptions>();
   options->configuration.add_to(*line);
   line->add_option("-o,--output", options->output,
-                   "Where to: FILE.svg (needs Graphviz) or FILE.dot; else DOT to standard output")
+                   "Output: FILE.svg (requires Graphviz) or FILE.dot (DOT to standard output)")
       ->type_name("FILE");
   line->get_option("application")->required(false);  // Not with --live.
-  line->add_flag("--live", options->is_live, "Draw an application that runs, with numbers");
+  line->add_flag("--live", options->is_live, "Draw a running application, with its measurements");
   options->target.add_application_to(*line);
-  line->add_option("--over", options->span, "With --live: rates are those of so long (1s)")
+  line->add_option("--over", options->span, "With --live: time over which rates are measured (1s)")
       ->check(is_time())
       ->type_name("TIME");
   return {line, [line, options] {

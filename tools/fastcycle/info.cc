@@ -357,19 +357,20 @@ int info(const InfoOptions& options) {
 }  // namespace
 
 Command add_info(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("info", "What is in a log, and how it is");
+  CLI::App* line = program.add_subcommand("info", "Show the contents and condition of a log");
   line->footer(examples(
       "  fastcycle info drive.mcap\n"
       "  fastcycle info drive_0001.mcap drive_0002.mcap.active\n"
       "  fastcycle info --json drive.mcap\n"
       "\n"
-      "The name of a recording that was split means all of its files. Files up to 256 MiB\n"
-      "are read whole; of larger ones, sizes of topics are known with --all.\n"));
+      "The name of a split recording stands for all of its files. Files up to 256 MiB are\n"
+      "read completely; for larger ones, --all determines the sizes of topics.\n"));
   const auto options = std::make_shared<InfoOptions>();
   line->add_option("files", options->files, "The logs")->required()->type_name("FILE…");
-  line->add_flag("--all", options->reads_all, "Read large files whole, too: sizes, and damage");
-  line->add_flag("--json", options->is_json, "As JSON");
-  line->add_flag("--quiet", options->is_quiet, "No progress line");
+  line->add_flag("--all", options->reads_all,
+                 "Read large files completely too, for sizes and damage");
+  line->add_flag("--json", options->is_json, "Print JSON");
+  line->add_flag("--quiet", options->is_quiet, "Print no progress line");
   return {line, [options] { return info(*options); }};
 }
 

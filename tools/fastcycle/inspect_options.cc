@@ -3,9 +3,10 @@
 namespace fastcycle::tool {
 
 void InspectOptions::add_to(CLI::App& line) {
-  line.add_flag("--inspect", is_asked, "Let your tools look at the run: fastcycle top, topic, ...");
+  line.add_flag("--inspect", is_asked, "Let your tools inspect the run: fastcycle top, topic, ...");
   line.add_option("--inspect-allow", allow,
-                  "And change it: params, publish, lifecycle, reload (repeatable, or with commas)")
+                  "Changes that tools may make: params, publish, lifecycle, reload (repeatable, or "
+                  "with commas)")
       ->delimiter(',')
       ->type_name("WORD");
 }
@@ -14,11 +15,11 @@ std::string InspectOptions::find_wrong(const config::ApplicationDescription& app
                                        bool is_live) const {
   for (const std::string& word : allow) {
     if (word != "params" && word != "publish" && word != "lifecycle" && word != "reload") {
-      return "--inspect-allow wants params, publish, lifecycle or reload, not \"" + word + "\"";
+      return "--inspect-allow expects params, publish, lifecycle or reload, not \"" + word + "\"";
     }
   }
   if (!allow.empty() && !is_wanted(application) && !is_live) {
-    return "--inspect-allow says what --inspect or --live lets others change, and neither is there";
+    return "--inspect-allow requires --inspect or --live";
   }
   return {};
 }

@@ -52,7 +52,7 @@ void LiveOptions::add_to(CLI::App& line) {
             is_asked = true;
             at = values.empty() ? std::string() : values.front();
           },
-          "Show the run to browsers and Foxglove: 127.0.0.1:8765, unless this says else")
+          "Serve live data to browsers and Foxglove (127.0.0.1:8765)")
       ->type_name("[ADDRESS:PORT]")
       ->expected(0, 1)
       ->default_str("");
@@ -60,7 +60,7 @@ void LiveOptions::add_to(CLI::App& line) {
 
 std::string LiveOptions::find_wrong() const {
   if (!read_place(at)) {
-    return "--live wants an address and a port of this machine, as 127.0.0.1:8765, and not \"" +
+    return "--live expects an address and a port of this machine, as 127.0.0.1:8765, and not \"" +
            at + "\"";
   }
   return {};

@@ -41,11 +41,11 @@ namespace {
 constexpr const char* kExitCodes =
     "Exit codes:\n"
     "  0    done\n"
-    "  1    the run failed, or a component did whose \"on_fault\" is \"stop\", or any with\n"
-    "       --fail-on-fault; a component hung, or ended the process; a file failed\n"
+    "  1    the run failed: a component with \"on_fault\" \"stop\" faulted, or any component with\n"
+    "       --fail-on-fault; a component hung or ended the process; or file access failed\n"
     "  2    the configuration or the command line is wrong; nothing was started\n"
-    "  3    a log is not in order, or not all of it could be saved; a latency chain is not shown\n"
-    "       to hold\n"
+    "  3    a log has problems, or could not be recovered completely; a latency chain is not\n"
+    "       shown to hold\n"
     "  130  ended at once by a second Ctrl-C\n";
 
 /// " topic echo": the words that lead to `line`.
@@ -55,7 +55,8 @@ std::string words_of(const CLI::App& line) {
 
 int print_wrong(const std::string& sentence, const CLI::App& line) {
   const std::string command = words_of(line);
-  print_to(stderr, "fastcycle{}: {}\n  fastcycle{} --help says more\n", command, sentence, command);
+  print_to(stderr, "fastcycle{}: {}\n  fastcycle{} --help shows the usage\n", command, sentence,
+           command);
   return kWrong;
 }
 
@@ -73,11 +74,11 @@ std::vector<std::string> known_options(const CLI::App& line) {
 std::string unknown_words(const CLI::App& line) {
   const std::string word = line.remaining().front();
   if (!word.starts_with('-')) {
-    return "does not know what to do with \"" + word + "\"";
+    return "unexpected argument \"" + word + "\"";
   }
   const std::string option = word.substr(0, word.find('='));
   const std::string hint = config::did_you_mean(config::nearest(option, known_options(line)));
-  return "there is no option " + option + (hint.empty() ? "" : "; " + hint);
+  return "unknown option " + option + (hint.empty() ? "" : "; " + hint);
 }
 
 /// The error message for a missing argument, with its description.
@@ -91,14 +92,14 @@ std::string missing_word(const CLI::App& line, const CLI::RequiredError& error) 
 /// except for a superfluous colon.
 std::string wrong_value(const CLI::App& line, const CLI::ParseError& error) {
   std::string sentence = error.what();
-  if (const auto colon = sentence.find(": wants "); colon != std::string::npos) {
+  if (const auto colon = sentence.find(": expects "); colon != std::string::npos) {
     return sentence.erase(colon, 1);
   }
   // Of two options that exclude each other, or an option and an argument.
   constexpr std::string_view kExcludes = " excludes ";
   if (const auto place = sentence.find(kExcludes); place != std::string::npos) {
     return sentence.substr(0, place) + " and " + sentence.substr(place + kExcludes.size()) +
-           " do not go together";
+           " cannot be used together";
   }
   for (const CLI::Option* option : line.get_options()) {
     const std::string before = "Could not convert: " + option->get_name() + " = ";
@@ -107,7 +108,7 @@ std::string wrong_value(const CLI::App& line, const CLI::ParseError& error) {
       const char* const wanted = option->get_items_expected_max() == 0 ? "no value"
                                  : parse_number(found) ? "a whole number, not below 0"
                                                        : "a number";
-      return option->get_name() + " wants " + wanted + ", found \"" + found + "\"";
+      return option->get_name() + " expects " + wanted + ", found \"" + found + "\"";
     }
   }
   return sentence;
@@ -119,7 +120,7 @@ std::string wrong_count(const CLI::App& line, const CLI::ArgumentMismatch& error
   for (const CLI::Option* option : line.get_options()) {
     if (sentence.starts_with(option->get_name() + ": ") && option->get_items_expected_max() == 1) {
       return option->get_name() + (sentence.ends_with(" missing")
-                                       ? " wants a value: " + option->get_type_name()
+                                       ? " expects a value: " + option->get_type_name()
                                        : " may be given only once");
     }
   }
@@ -136,8 +137,7 @@ std::string unknown_command(const std::vector<Command>& commands, const std::str
     return {};
   }
   const std::string hint = config::did_you_mean(config::nearest(word, names));
-  return "there is no command \"" + word + "\"" + (hint.empty() ? "" : "; " + hint) +
-         kAbsentCommands;
+  return "unknown command \"" + word + "\"" + (hint.empty() ? "" : "; " + hint) + kAbsentCommands;
 }
 
 const Command* find(const std::vector<Command>& commands, const std::string& word) {
@@ -176,7 +176,7 @@ const Command* follow(const std::vector<Command>& commands, const CLI::App& line
 }
 
 int run_program(int argument_count, char** arguments) {
-  CLI::App program("FastCycle: components of automated driving in one process.", "fastcycle");
+  CLI::App program("FastCycle: a framework for automated driving.", "fastcycle");
   program.set_version_flag("--version", "fastcycle " FASTCYCLE_VERSION);
   program.set_help_flag("-h,--help", "Show this and exit");
   program.footer(std::string(kExitCodes) + kAbsentCommands);
@@ -241,11 +241,10 @@ int main(int argument_count, char** arguments) {
   } catch (const std::system_error& error) {
     // The system's error if no further thread can be created.
     const bool is_thread = error.code() == std::errc::resource_unavailable_try_again;
-    fastcycle::tool::print_to(
-        stderr, "fastcycle: {}{}\n", error.what(),
-        is_thread ? ": expected room for one more thread, found none; raise the limits of threads "
-                    "and of memory (ulimit -u, ulimit -v)"
-                  : "");
+    fastcycle::tool::print_to(stderr, "fastcycle: {}{}\n", error.what(),
+                              is_thread ? ": a thread could not be created; raise the limits of "
+                                          "threads and of memory (ulimit -u, ulimit -v)"
+                                        : "");
     return fastcycle::tool::kFailed;
   } catch (const std::exception& error) {
     fastcycle::tool::print_to(stderr, "fastcycle: {}\n", error.what());

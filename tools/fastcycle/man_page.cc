@@ -136,7 +136,7 @@ std::string man_page(const CommandPath& path) {
       text +=
           ".TP\n" + bold(command->get_name()) + "\n" + escaped(command->get_description()) + "\n";
     }
-    text += ".PP\nEach has a page of its own, such as " +
+    text += ".PP\nEach has its own page, such as " +
             bold(name + "-" + commands.front()->get_name()) + "(1).\n";
   }
   text += ".SH OPTIONS\n";

@@ -31,10 +31,10 @@ void write(const fs::path& path, const std::string& text) {
 
 Command add_manual(CLI::App& program) {
   CLI::App* line =
-      program.add_subcommand("manual", "Write the manual pages, and completion for bash");
+      program.add_subcommand("manual", "Write the manual pages and the bash completion");
   line->group("");  // For the build of this program; not shown.
   const auto folder = std::make_shared<fs::path>();
-  line->add_option("folder", *folder, "Where man and bash-completion go")
+  line->add_option("folder", *folder, "The folder for man and bash-completion")
       ->required()
       ->type_name("DIR");
   return {line, [&program, folder] {

@@ -14,7 +14,7 @@ namespace fastcycle::tool {
 namespace {
 
 std::string unless(bool is_right, const std::string& wanted, const std::string& text) {
-  return is_right ? std::string() : fmt::format("wants {}, found \"{}\"", wanted, text);
+  return is_right ? std::string() : fmt::format("expects {}, found \"{}\"", wanted, text);
 }
 
 }  // namespace

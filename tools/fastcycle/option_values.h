@@ -7,7 +7,7 @@
 
 namespace fastcycle::tool {
 
-/// Returns `wants …, found "…"` for an invalid value of an option; empty if it is valid.
+/// Returns `expects …, found "…"` for an invalid value of an option; empty if it is valid.
 /// For `CLI::Option::check`; the program puts the name of the option before it.
 using ValueCheck = std::function<std::string(const std::string&)>;
 

@@ -41,7 +41,7 @@ bool choose(const std::vector<std::string>& patterns, std::vector<host::ListedPa
   for (const std::string& pattern : patterns) {
     if (std::ranges::none_of(params, [&](const auto& param) { return is_meant(pattern, param); })) {
       const std::string hint = config::did_you_mean(config::nearest(pattern, known));
-      print_to(stderr, "fastcycle params: there is no component and no param \"{}\"{}\n", pattern,
+      print_to(stderr, "fastcycle params: unknown component or param \"{}\"{}\n", pattern,
                (hint.empty() ? hint : "; " + hint));
       is_right = false;
     }
@@ -82,10 +82,10 @@ Command add_params(CLI::App& program) {
   const auto options = std::make_shared<ParamsOptions>();
   options->configuration.add_to(*line);
   line->add_option("patterns", options->patterns,
-                   "Only these components, or params as limiter.limit_mps; * is any text")
+                   "Only these components, or params as limiter.limit_mps; * matches any text")
       ->type_name("PATTERN");
-  CLI::Option* json = line->add_flag("--json", options->json, "As JSON");
-  line->add_flag("--markdown", options->markdown, "As a table in Markdown")->excludes(json);
+  CLI::Option* json = line->add_flag("--json", options->json, "Print JSON");
+  line->add_flag("--markdown", options->markdown, "Print a Markdown table")->excludes(json);
   return {line, [options] { return params(*options); }};
 }
 

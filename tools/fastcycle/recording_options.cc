@@ -39,10 +39,10 @@ std::string RecordingOptions::find_wrong() const {
     return "a compression is \"none\", \"lz4\" or \"zstd\", not \"" + compression + "\"";
   }
   if (split_mb && !(*split_mb >= 1 && *split_mb <= 1e9)) {
-    return "--split-mb wants a number from 1 to 1000000000";
+    return "--split-mb expects a number from 1 to 1000000000";
   }
   if (split_s && !(*split_s >= 0.1 && *split_s <= 86'400)) {
-    return "--split-s wants a number from 0.1 to 86400";
+    return "--split-s expects a number from 0.1 to 86400";
   }
   return {};
 }

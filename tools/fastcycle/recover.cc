@@ -50,7 +50,7 @@ std::string lost_text(const archive::Recovery& recovery) {
                      (recovery.loss_count == 1 ? " place" : " places");
   return text + (recovery.lost_messages > 0
                      ? ", " + std::to_string(recovery.lost_messages) + " messages"
-                     : ", nobody knows how many messages");
+                     : ", an unknown number of messages");
 }
 
 int recover(const RecoverOptions& options) {
@@ -91,21 +91,21 @@ int recover(const RecoverOptions& options) {
 }  // namespace
 
 Command add_recover(CLI::App& program) {
-  CLI::App* line = program.add_subcommand(
-      "recover", "Save what there is of a log that was not closed, or is damaged");
+  CLI::App* line =
+      program.add_subcommand("recover", "Recover a log that was not closed or is damaged");
   line->footer(examples(
       "  fastcycle recover drive.mcap.active drive.mcap\n"
       "\n"
-      "The new file is read whole, and compared with what was written, before it gets its\n"
-      "name. Exit codes: 0 nothing that was in the file was lost, 3 something was (it is\n"
-      "said what), 1 nothing could be recovered, 2 the command line is wrong.\n"));
+      "The new file is read completely and compared with the written data before it is\n"
+      "renamed. Exit codes: 0 everything was recovered, 3 something was lost (it is listed),\n"
+      "1 nothing could be recovered, 2 the command line is wrong.\n"));
   const auto options = std::make_shared<RecoverOptions>();
   line->add_option("in", options->input, "The log")->required()->type_name("IN");
-  line->add_option("out", options->output, "The new one")->required()->type_name("OUT");
-  line->add_option("--compression", options->compression, "How chunks are compressed (lz4)")
+  line->add_option("out", options->output, "The new log")->required()->type_name("OUT");
+  line->add_option("--compression", options->compression, "Compression of chunks (lz4)")
       ->type_name("none|lz4|zstd");
-  line->add_flag("--force", options->is_forced, "Replace what has the name of the output");
-  line->add_flag("--quiet", options->is_quiet, "No progress line, no words about what was saved");
+  line->add_flag("--force", options->is_forced, "Overwrite an existing output");
+  line->add_flag("--quiet", options->is_quiet, "Print no progress line and no summary");
   return {line, [options] { return recover(*options); }};
 }
 

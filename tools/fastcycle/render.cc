@@ -37,7 +37,7 @@ int render_log(const RenderOptions& options, const archive::ViewOptions& times) 
   const mcap::FileSource source(options.file);
   const mcap::Reader reader(source);
   if (reader.problem()) {
-    print_problem("render", *reader.problem(), "what there is was taken");
+    print_problem("render", *reader.problem(), "the readable part was used");
   }
   archive::ViewOptions from_log = times;
   const std::uint64_t first_ns = reader.statistics()->message_start_time_ns;
@@ -82,7 +82,7 @@ int render(const RenderOptions& options) {
   wrong = wrong.empty() ? read_offset("--end", options.end, times.end_ns) : wrong;
   times.begin_ns = start_ns.value_or(0);
   if (wrong.empty() && times.end_ns && *times.end_ns <= times.begin_ns) {
-    wrong = "--end wants a time after --start";
+    wrong = "--end expects a time after --start";
   }
   return wrong.empty() ? render_log(options, times) : print_error("render", wrong);
 }
@@ -90,7 +90,7 @@ int render(const RenderOptions& options) {
 }  // namespace
 
 Command add_render(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("render", "Make a page of a log that plays the drive");
+  CLI::App* line = program.add_subcommand("render", "Write a page that plays the drive of a log");
   line->footer(
       examples("  fastcycle render drive.mcap\n"
                "  fastcycle render drive.mcap -o first.html --end 30s\n"
@@ -98,17 +98,17 @@ Command add_render(CLI::App& program) {
   const auto options = std::make_shared<RenderOptions>();
   line->add_option("file", options->file, "The log")->required()->type_name("FILE");
   line->add_option("-o,--output", options->output,
-                   "Where to; else beside the log, as drive.html of drive.mcap")
+                   "Output (beside the log: drive.html for drive.mcap)")
       ->type_name("FILE");
-  line->add_option("--start", options->start, "From here on, from the beginning of the log: 10s")
+  line->add_option("--start", options->start, "Start time, from the beginning of the log: 10s")
       ->type_name("TIME");
-  line->add_option("--end", options->end, "Up to here, from the beginning of the log: 15s")
+  line->add_option("--end", options->end, "End time, from the beginning of the log: 15s")
       ->type_name("TIME");
   line->add_option("--view", options->view,
-                   "Which topics and fields the page shows, JSON (docs/reference/page.md)")
+                   "Topics and fields that the page shows, JSON (docs/reference/page.md)")
       ->type_name("FILE");
-  line->add_flag("--force", options->is_forced, "Replace what has the name of the output");
-  line->add_flag("--quiet", options->is_quiet, "No progress line, no words about what was done");
+  line->add_flag("--force", options->is_forced, "Overwrite an existing output");
+  line->add_flag("--quiet", options->is_quiet, "Print no progress line and no summary");
   return {line, [options] { return render(*options); }};
 }
 

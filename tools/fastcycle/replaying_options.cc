@@ -23,44 +23,43 @@ std::optional<Duration> to_duration(const std::optional<double>& seconds) {
 
 void ReplayingOptions::add_target_to(CLI::App& line) {
   line.add_option("--replay-into", into,
-                  "Run this component, and nothing but those named so. Without it, all run but "
-                  "those that subscribe to nothing and whose topics are in the recording. "
-                  "Repeatable")
+                  "Run only this component. Repeatable. Default: all except those that subscribe "
+                  "to nothing and whose topics are in the recording")
       ->allow_extra_args(false)
       ->type_name("COMPONENT");
 }
 
 void ReplayingOptions::add_selection_to(CLI::App& line) {
-  line.add_option("--start", start_s, "Begin so many seconds into the recording")->type_name("S");
-  line.add_option("--end", end_s, "End so many seconds into the recording")->type_name("S");
-  line.add_flag("--loop", is_looped, "At the end go on from the beginning");
+  line.add_option("--start", start_s, "Start time in the recording, in seconds")->type_name("S");
+  line.add_option("--end", end_s, "End time in the recording, in seconds")->type_name("S");
+  line.add_flag("--loop", is_looped, "Repeat from the start at the end");
   line.add_option("--topics", topics,
-                  "Only these topics of the recording: control/*, camera/**; also such that no "
-                  "component subscribes to at the start. Repeatable")
+                  "Only these topics of the recording: control/*, camera/**, including topics "
+                  "without a subscriber at the start. Repeatable")
       ->allow_extra_args(false)
       ->type_name("PATTERN");
-  line.add_option("--except", except, "Not these. Repeatable")
+  line.add_option("--except", except, "Omit topics that match. Repeatable")
       ->allow_extra_args(false)
       ->type_name("PATTERN");
-  line.add_option("--remap", remap, "What the recording calls OLD is NEW here. Repeatable")
+  line.add_option("--remap", remap, "Rename topic OLD of the recording to NEW. Repeatable")
       ->allow_extra_args(false)
       ->type_name("OLD:=NEW");
 }
 
 std::string ReplayingOptions::find_wrong() const {
   if (files.empty() && !into.empty()) {
-    return "--replay-into says into whom --replay FILE goes, which is missing";
+    return "--replay-into requires --replay FILE";
   }
   if (!is_span(start_s) || !is_span(end_s)) {
-    return "--start and --end want seconds from 0 on";
+    return "--start and --end expect seconds from 0 on";
   }
   if (end_s && *end_s <= start_s.value_or(0)) {
-    return "--end has to be behind --start";
+    return "--end must be after --start";
   }
   for (const std::string& rule : remap) {
     const auto at = rule.find(kBecomes);
     if (at == std::string::npos || at == 0 || at + kBecomes.size() == rule.size()) {
-      return "--remap wants OLD:=NEW, and not \"" + rule + "\"";
+      return "--remap expects OLD:=NEW, and not \"" + rule + "\"";
     }
   }
   return {};

@@ -64,18 +64,18 @@ std::string read_offset(const std::string& option, const std::string& text,
   offset_ns = parse_offset(text);
   return offset_ns ? std::string()
                    : option +
-                         " wants a time from the beginning of the file, as 10s or 500ms, and "
+                         " expects a time from the beginning of the file, as 10s or 500ms, and "
                          "not \"" +
                          text + "\"";
 }
 
 void Rewriting::add_options(CLI::App& line) {
-  line.add_option("--compression", compression, "How chunks are compressed (lz4)")
+  line.add_option("--compression", compression, "Compression of chunks (lz4)")
       ->type_name("none|lz4|zstd");
   line.add_option("--chunk-size", chunk_size, "Size of a chunk before compression (1MiB)")
       ->type_name("SIZE");
-  line.add_flag("--force", is_forced, "Replace what has the name of the output");
-  line.add_flag("--quiet", is_quiet, "No progress line, no words about what was done");
+  line.add_flag("--force", is_forced, "Overwrite an existing output");
+  line.add_flag("--quiet", is_quiet, "Print no progress line and no summary");
 }
 
 std::string Rewriting::find_wrong() {
@@ -85,7 +85,7 @@ std::string Rewriting::find_wrong() {
   constexpr std::uint64_t kMostChunkBytes = std::uint64_t{256} << 20U;
   const std::optional<std::uint64_t> bytes = parse_bytes(chunk_size);
   if (!bytes || *bytes > kMostChunkBytes) {
-    return "--chunk-size wants a size up to 256MiB with its unit, as 64KiB or 4MB, and not \"" +
+    return "--chunk-size expects a size up to 256MiB with its unit, as 64KiB or 4MB, and not \"" +
            chunk_size + "\"";
   }
   layout.chunk_bytes = *bytes;
@@ -120,7 +120,7 @@ int Rewriting::run() {
     pieces.commit();
   }
   for (const mcap::Problem& problem : result.problems) {
-    print_problem(command, problem, "what there is was taken");
+    print_problem(command, problem, "the readable part was used");
   }
   if (!is_quiet) {
     print_to(stdout, "{}: {} messages\n", pieces.names(), result.messages);

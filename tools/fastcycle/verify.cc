@@ -79,7 +79,7 @@ std::string to_table(const std::vector<host::ExactReplayResult>& results) {
         fmt::format("{:<{}}  {:>11} {:>11} {:>11}{}\n", result.component, width, result.activations,
                     result.outputs, result.equal, result.is_equal() ? "" : "  DIFFERENT");
     if (result.is_source) {
-      text += "  executed too: what it published is needed, and was not recorded\n";
+      text += "  also executed: its messages are needed and were not recorded\n";
     }
     if (result.began_after > 0) {
       text += fmt::format("  from its state after activation {} on, at {:.3f} s\n",
@@ -93,8 +93,7 @@ std::string to_table(const std::vector<host::ExactReplayResult>& results) {
                           result.why);
     }
     if (result.not_recorded > 0) {
-      text +=
-          fmt::format("  {} messages that it published are not in the log\n", result.not_recorded);
+      text += fmt::format("  {} published messages are not in the log\n", result.not_recorded);
     }
   }
   return text;
@@ -152,7 +151,7 @@ int verify(VerifyOptions& options) {
     return kFailed;
   }
   if (is_stopped) {
-    print_text(stderr, "fastcycle verify: stopped on request; not all was executed\n");
+    print_text(stderr, "fastcycle verify: stopped on request; not all activations were executed\n");
     static_cast<void>(flush_output());
     return kFailed;
   }
@@ -168,22 +167,22 @@ int verify(VerifyOptions& options) {
 
 Command add_verify(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "verify", "Execute a log again, and compare what components publish, byte by byte");
+      "verify", "Execute a log again and compare the published messages byte by byte");
   line->footer(examples(
       "  fastcycle verify drive.mcap\n"
       "  fastcycle verify drive.mcap app.json --component motion_planning\n"
       "  fastcycle verify drive.mcap app.json --library-path build/new/lib --report out.json\n"
       "\n"
-      "Each component's recorded activations are executed in their order, with what each of\n"
-      "them saw. A live run repeats bit for bit, if its components keep to what FastCycle gives\n"
-      "them: now(), random(), observe().\n"
+      "The recorded activations of each component are executed in their order, with their\n"
+      "recorded inputs. A live run is reproduced bit by bit if its components use only the time,\n"
+      "random numbers and observations of FastCycle: now(), random(), observe().\n"
       "\n"
       "Exit codes: 0 all equal, 1 stopped or no report, 2 wrong input, 3 a difference.\n"));
   const auto options = std::make_shared<VerifyOptions>();
   options->replaying.add_to(*line);
   options->replaying.add_input_to(*line);
   line->add_option("--stop-before", options->stop_before,
-                   "For debuggers: call fastcycle_before_activation() before this one")
+                   "For debuggers: call fastcycle_before_activation() before this activation")
       ->type_name("N");
   line->add_option("--report", options->report, "Write the results as JSON")->type_name("FILE");
   return {line, [options] { return verify(*options); }};

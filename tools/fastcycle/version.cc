@@ -11,7 +11,7 @@
 namespace fastcycle::tool {
 
 Command add_version(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("version", "What this is, and what it was built with");
+  CLI::App* line = program.add_subcommand("version", "Show the version and the build");
   line->footer(examples("  fastcycle version\n"));
   return {line, [] {
             const std::string protobuf =

@@ -64,7 +64,7 @@ std::optional<Time> start_of(const ViewOptions& options) {
   const Duration start = *parse_duration(options.start);
   if (const Duration length = reader.end() - reader.begin(); start > length) {
     throw std::runtime_error(
-        fmt::format("--start {} is behind the end of the recording, which is {:.3f} s long",
+        fmt::format("--start {} is after the end of the recording, which is {:.3f} s long",
                     options.start, static_cast<double>(length.count()) / 1e9));
   }
   return reader.begin() + start;
@@ -112,11 +112,11 @@ int view(const ViewOptions& options) {
   }
   if (!(options.speed >= playback::PlayedLog::kMinSpeed &&
         options.speed <= playback::PlayedLog::kMaxSpeed)) {
-    return wrong("--rate wants a number from 0.01 to 1000");
+    return wrong("--rate expects a number from 0.01 to 1000");
   }
   if (!options.start.empty() && !parse_duration(options.start)) {
     return wrong(
-        "--start wants a time above zero with its unit, as 500ms, 10s or 2min, and not \"" +
+        "--start expects a time above zero with its unit, as 500ms, 10s or 2min, and not \"" +
         options.start + "\"");
   }
   try {
@@ -129,8 +129,8 @@ int view(const ViewOptions& options) {
 }  // namespace
 
 Command add_view(CLI::App& program) {
-  CLI::App* line = program.add_subcommand(
-      "view", "Show a recording in a browser or in Foxglove, at any time of it");
+  CLI::App* line =
+      program.add_subcommand("view", "Show a recording in a browser or in Foxglove, with seeking");
   line->footer(examples(
       "  fastcycle view drive.mcap\n"
       "  fastcycle view drive_0001.mcap drive_0002.mcap\n"
@@ -138,18 +138,17 @@ Command add_view(CLI::App& program) {
       "  fastcycle view drive.mcap --live 127.0.0.1:9000\n"
       "\n"
       "Open the URL that it prints, or the address in Foxglove (Open connection, Foxglove\n"
-      "WebSocket). Nothing runs: the messages are those of the file. To feed them into\n"
-      "components, see fastcycle play.\n"));
+      "WebSocket). No component runs: the messages are those of the file. To play them\n"
+      "into components, see fastcycle play.\n"));
   const auto options = std::make_shared<ViewOptions>();
   line->add_option("recording", options->files, "The files of one recording, or any MCAP file")
       ->required()
       ->type_name("FILE.mcap");
   options->live.add_to(*line);
-  line->add_option("--rate", options->speed, "Let time run this many times as fast")
-      ->type_name("X");
-  line->add_option("--start", options->start, "Begin this far behind the recording's beginning")
+  line->add_option("--rate", options->speed, "Speed factor of time")->type_name("X");
+  line->add_option("--start", options->start, "Start time, from the beginning of the recording")
       ->type_name("TIME");
-  line->add_flag("--paused", options->is_paused, "Do not play before somebody does");
+  line->add_flag("--paused", options->is_paused, "Start paused");
   return {line, [options] { return view(*options); }};
 }
 

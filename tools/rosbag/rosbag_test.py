@@ -231,7 +231,7 @@ class Convert(unittest.TestCase):
         done = self.convert([("/diagnostics", "demo_msgs/msg/Unknown", 5, b"\0\1\0\0anything"),
                              ("/pose", "geometry_msgs/msg/PoseStamped", 6, bytes(pose().data))])
 
-        self.assertIn("/diagnostics: demo_msgs/msg/Unknown is not known here; copied as they are: 1 ",
+        self.assertIn("/diagnostics: unknown type demo_msgs/msg/Unknown; copied without conversion: 1 ",
                       done.stderr)
         found = {name: topic["types"][0] for name, topic in self.info()["files"][0]["topics"].items()}
         self.assertEqual(found["/diagnostics"], "demo_msgs/msg/Unknown")
@@ -249,7 +249,7 @@ class Convert(unittest.TestCase):
                              ("/imu", "sensor_msgs/msg/Imu", 7, b""), ("/imu", "sensor_msgs/msg/Imu", 8, good)],
                             code=PROBLEMS)
 
-        self.assertIn("/imu: missing, as they are no sensor_msgs/msg/Imu: 2 of 4 messages; the first: message 2: byte ",
+        self.assertIn("/imu: not valid sensor_msgs/msg/Imu, left out: 2 of 4 messages; the first: message 2: byte ",
                       done.stderr)
         self.assertEqual(len(self.messages("imu")), 2)
 

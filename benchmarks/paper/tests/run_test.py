@@ -93,7 +93,7 @@ class Run(support.InAFolder):
         for sizes in ("5X", "0", "-4", "32K,", ""):
             done = self.run_paper(f"--sizes={sizes}")
             self.assertEqual(done.returncode, 2)
-            self.assertIn("wants bytes above 0, as 64, 32K or 4M", done.stderr)
+            self.assertIn("expects bytes above 0, as 64, 32K or 4M", done.stderr)
         done = self.run_paper("--out", "/dev/null")
         self.assertEqual(done.returncode, 2)
         self.assertIn("--out /dev/null cannot be used", done.stderr)

@@ -251,13 +251,13 @@ void look_at_announcements(const Observation& seen, Findings& findings) {
                           .remedy = "fastcycle doctor --dds --security ENCLAVE"});
     } else if (!is_own_address(seen, received.from) && !addresses.empty() &&
                std::ranges::all_of(addresses, is_loopback)) {
-      findings.push_back({.name = "localhost only",
-                          .level = Level::kProblem,
-                          .found = fmt::format("{} wants to be answered at {} alone", who,
-                                               fmt::join(addresses, ", ")),
-                          .why = "it talks to its own machine alone",
-                          .remedy = "there: unset ROS_LOCALHOST_ONLY; export "
-                                    "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"});
+      findings.push_back(
+          {.name = "localhost only",
+           .level = Level::kProblem,
+           .found = fmt::format("{} expects replies only at {}", who, fmt::join(addresses, ", ")),
+           .why = "it talks to its own machine alone",
+           .remedy = "there: unset ROS_LOCALHOST_ONLY; export "
+                     "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET"});
     } else if (!seen.interface.empty() && received.interface != seen.interface) {
       findings.push_back(
           {.name = "interface",

@@ -171,7 +171,7 @@ TEST(Diagnosis, TellsWhoTalksToItsOwnMachineAlone) {
   seen.announcements = {announcement_from("192.168.1.9")};
   seen.announcements[0].announcement.addresses = {"127.0.0.1"};
 
-  EXPECT_THAT(find(seen, "localhost only").found, HasSubstr("wants to be answered at 127.0.0.1"));
+  EXPECT_THAT(find(seen, "localhost only").found, HasSubstr("expects replies only at 127.0.0.1"));
 }
 
 TEST(Diagnosis, TellsWhoHasSecurityAndWhoIsOnAnotherInterface) {
@@ -216,7 +216,7 @@ TEST(Diagnosis, IsReportedWithWhoIsThereAndNothingThatWouldSteerATerminal) {
   EXPECT_THAT(text, AllOf(HasSubstr("  /perception (Cyclone DDS)\n    reads   /points  "
                                     "std_msgs/msg/String  reliable, volatile\n"),
                           HasSubstr("/dri\\x1b[31mver"), Not(HasSubstr("\x1b")),
-                          HasSubstr("\n0 problems, 0 things that could be better\n")));
+                          HasSubstr("\n0 problems, 0 possible improvements\n")));
 }
 
 }  // namespace

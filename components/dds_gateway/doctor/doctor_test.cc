@@ -106,7 +106,7 @@ TEST(DoctorProgram, RefusesWhatIsNotThere) {
 
   const Output engine = run("look TEXT slow 0 lo '' 100");
   EXPECT_EQ(engine.code, 2);
-  EXPECT_THAT(engine.text, HasSubstr("--engine wants one of"));
+  EXPECT_THAT(engine.text, HasSubstr("--engine expects one of"));
 
   const Output enclave = run("look TEXT '' 0 lo /nowhere 100");
   EXPECT_EQ(enclave.code, 2);

@@ -46,13 +46,14 @@ const Engine& engine_of(const std::string& name) {
     }
     names.emplace_back(engine.name);
   }
-  throw Wrong(fmt::format("--engine wants one of {}, found \"{}\"", fmt::join(names, ", "), name));
+  throw Wrong(
+      fmt::format("--engine expects one of {}, found \"{}\"", fmt::join(names, ", "), name));
 }
 
 void refuse_wrong_enclave(const ParticipantOptions& options) {
   std::vector<std::string> errors = fastcycle::dds_security::enclave_errors(options.security);
   if (options.domain > fastcycle::dds_security::kDomainMax) {
-    errors.push_back(fmt::format("--domain wants a number from 0 to {} with security, found {}",
+    errors.push_back(fmt::format("--domain expects a number from 0 to {} with security, found {}",
                                  fastcycle::dds_security::kDomainMax, options.domain));
   }
   if (!errors.empty()) {

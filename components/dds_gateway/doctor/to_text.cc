@@ -112,7 +112,7 @@ std::string to_text(const Observation& seen, const std::vector<Finding>& finding
   };
   const auto problems = count(Level::kProblem);
   const auto advice = count(Level::kAdvice);
-  return text + fmt::format("\n{} problem{}, {} thing{} that could be better\n", problems,
+  return text + fmt::format("\n{} problem{}, {} possible improvement{}\n", problems,
                             problems == 1 ? "" : "s", advice, advice == 1 ? "" : "s");
 }
 

@@ -283,8 +283,9 @@ Json run_program(const Json& json, const std::string& folder) {
         "bench: fastcycle run {} ended with {} {}:\n{}", words[2],
         WIFSIGNALED(status) ? "signal" : "exit code",
         WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status),
-        said.empty() ? "it said nothing; is there room in " + folder + "? TMPDIR says where"
-                     : said));
+        said.empty()
+            ? "it printed nothing; check the free space in " + folder + "? TMPDIR says where"
+            : said));
   }
   return Json::parse(text_of(report));
 }

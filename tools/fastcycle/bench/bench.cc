@@ -35,7 +35,7 @@ Mode mode_of(const Options& options, Session* session) {
 
 int run_bench(Options& options, const CLI::App& line) {
   if (const std::string wrong = bench::complete(options, line); !wrong.empty()) {
-    print_to(stderr, "fastcycle bench: {}\n  fastcycle bench --help says more\n", wrong);
+    print_to(stderr, "fastcycle bench: {}\n  fastcycle bench --help shows the usage\n", wrong);
     return kWrong;
   }
   if (options.prints_application) {
@@ -48,47 +48,46 @@ int run_bench(Options& options, const CLI::App& line) {
   try {
     return session.run(mode_of(options, &session));
   } catch (const std::bad_alloc&) {
-    throw std::runtime_error("bench: the memory is not enough: take a smaller --size or --count");
+    throw std::runtime_error("bench: not enough memory; use a smaller --size or --count");
   }
 }
 
 constexpr const char* kModesText =
     "Modes:\n"
-    "  latency  from publish to callback, one message an interval\n"
-    "  rtt      there and back\n"
-    "  flood    messages a second, as fast as possible, without loss unless --no-credits\n"
-    "  fanout   what publishing costs for each further subscriber\n"
-    "  timer    how late timers are, and that they do not drift\n"
-    "  deadline how soon a subscriber is notified that its publisher is stalled\n"
-    "  chain    several components in a row, on one thread and on two\n"
-    "  startup  from nothing to the first messages; memory; an idle application\n"
-    "  record   what recording costs publisher and subscriber; what of it is lost\n"
-    "  disk     how fast a recording goes to the disk, beside write() and dd\n"
-    "  inspect  what five `fastcycle topic echo` cost publisher and subscriber\n"
-    "  trace    what a trace costs a message\n"
+    "  latency  time from publish to callback, one message per interval\n"
+    "  rtt      round-trip time\n"
+    "  flood    maximum rate of messages, without loss unless --no-credits\n"
+    "  fanout   cost of publishing per subscriber\n"
+    "  timer    lateness and drift of timers\n"
+    "  deadline time until a subscriber is notified that its publisher is stalled\n"
+    "  chain    latency of a chain of components, on one thread and on two\n"
+    "  startup  time to the first messages; memory; load of an idle application\n"
+    "  record   cost of recording for publisher and subscriber; losses\n"
+    "  disk     rate of recording to disk, compared with write() and dd\n"
+    "  inspect  cost of five `fastcycle topic echo` for publisher and subscriber\n"
+    "  trace    cost of a trace per message\n"
     "\n"
-    "Component libraries are loaded from JSON by the host, as `fastcycle run` does. They are\n"
-    "compared with floors: the least that this machine needs for the same with bare system calls,\n"
-    "measured in turn with them. With --wait spin the subscriber's worker spins; the publisher's\n"
-    "too, but in latency and fanout, where it sleeps between its messages as the floors do.\n";
+    "The application is loaded from JSON as by `fastcycle run`. It is compared with floors: the\n"
+    "minimum that this machine needs for the same work with bare system calls, measured\n"
+    "alternately. With --wait spin, the subscriber's worker spins, and the publisher's too,\n"
+    "except in latency and fanout, where it sleeps between its messages as the floors do.\n";
 
 }  // namespace
 
 Command add_bench(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "bench", "Measure what messages cost on this machine, beside the least it needs");
-  line->footer(kModesText +
-               ("\n" + examples("  fastcycle bench latency\n"
-                                "  fastcycle bench rtt --size 64,32K,4M --wait "
-                                "park,spin --rounds 5\n"
-                                "  fastcycle bench flood --json > flood.jsonl\n"
-                                "  fastcycle bench startup --components 200 --topics "
-                                "2000\n"
-                                "  fastcycle bench record --rounds 5\n"
-                                "\n"
-                                "Exit codes: 0 done, 1 stopped, could not be measured "
-                                "or written, or what arrived is\ndamaged or does not add up, "
-                                "2 wrong input, 130 ended at once.\n")));
+      "bench", "Measure the cost of messages on this machine, compared with its minimum");
+  line->footer(
+      kModesText +
+      ("\n" + examples("  fastcycle bench latency\n"
+                       "  fastcycle bench rtt --size 64,32K,4M --wait park,spin --rounds 5\n"
+                       "  fastcycle bench flood --json > flood.jsonl\n"
+                       "  fastcycle bench startup --components 200 --topics 2000\n"
+                       "  fastcycle bench record --rounds 5\n"
+                       "\n"
+                       "Exit codes: 0 done, 1 stopped, a measurement or output failed, or\n"
+                       "messages were damaged or miscounted, 2 wrong input, 130 ended\n"
+                       "immediately.\n")));
   const auto options = std::make_shared<Options>();
   bench::add_options(*line, *options);
   return {line, [options, line] { return run_bench(*options, *line); }};

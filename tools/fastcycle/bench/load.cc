@@ -34,7 +34,7 @@ Load::Load(std::int64_t count) {
       be_busy(parent);
     }
     if (child < 0) {
-      throw std::runtime_error(std::string("--load: no process could be made: ") +
+      throw std::runtime_error(std::string("--load: cannot create a process: ") +
                                std::strerror(errno));
     }
     processes_.push_back(child);

@@ -149,7 +149,7 @@ std::string out_of_range(const std::string& option, std::int64_t value, std::int
                          std::int64_t max) {
   return value >= min && value <= max
              ? std::string()
-             : option + " wants a number from " + std::to_string(min) + " to " +
+             : option + " expects a number from " + std::to_string(min) + " to " +
                    std::to_string(max) + ", not " + std::to_string(value);
 }
 
@@ -207,7 +207,8 @@ std::string find_meaningless_in_simulation(const Options& options, const Default
                                            const CLI::App& line) {
   for (const char* const option : {"--fifo", "--raw", "--wait", "--floors"}) {
     if (options.is_simulated() && line.get_option(option)->count() > 0) {
-      return std::string("--clock simulated measures no time: ") + option + " means nothing there";
+      return std::string("--clock simulated does not measure time: ") + option +
+             " means nothing there";
     }
   }
   return {};
@@ -250,7 +251,7 @@ std::string find_too_large(const Options& options) {
   const std::int64_t needed = size * (depth + 3) * pools + 2 * stamps;
   if (const std::int64_t available = available_memory(); needed > available / 2) {
     return "this needs about " + std::to_string(needed >> 20) + " MiB, and the machine has " +
-           std::to_string(available >> 20) + " MiB left: take a smaller --size" +
+           std::to_string(available >> 20) + " MiB left: use a smaller --size" +
            (is_flood                   ? " or --window"
             : options.mode == "fanout" ? ", --count or --subs"
             : options.mode == "chain"  ? ", --count or --hops"
@@ -269,8 +270,8 @@ std::string find_contradiction(const Options& options) {
   const bool spins =
       std::find(options.waits.begin(), options.waits.end(), "spin") != options.waits.end();
   if (options.is_fifo && spins && usable_cpus() < 3) {
-    return "--fifo with --wait spin takes two CPUs for itself, and leaves none here; say one of "
-           "the two";
+    return "--fifo with --wait spin occupies two CPUs, and none remains on this machine; use only "
+           "one of these options";
   }
   return {};
 }
@@ -285,7 +286,7 @@ std::int64_t depth_for(std::int64_t size) {
 void add_options(CLI::App& line, Options& options) {
   line.add_option("mode", options.mode,
                   "latency, rtt, flood, fanout, timer, deadline, chain, startup, record, disk, "
-                  "inspect or trace; see below")
+                  "inspect or trace (see below)")
       ->required()
       ->type_name("MODE");
   const auto add = [&](const char* name, auto& value, const char* type, const char* text) {
@@ -295,40 +296,41 @@ void add_options(CLI::App& line, Options& options) {
     line.add_option(name, values, text)->type_name(type)->delimiter(',')->allow_extra_args(false);
   };
   add_list("--size", options.size_words, "N,N",
-           "Payloads in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; record, disk, inspect: 4M; "
-           "else 64)");
+           "Payload sizes in bytes: 64, 32K, 4M (latency, rtt: 32K to 4M; record, disk, inspect: "
+           "4M; else 64)");
   add("--count", options.given_count, "N",
-      "Messages a point (5000; fanout, chain: 2000; record: 500; disk: 256; flood: 1000000)");
-  add("--warmup", options.given_warmup, "N", "Messages before, not measured (200; record: 50)");
+      "Messages per point (5000; fanout, chain: 2000; record: 500; disk: 256; flood: 1000000)");
+  add("--warmup", options.given_warmup, "N", "Warm-up messages, not measured (200; record: 50)");
   add("--interval-us", options.given_interval_us, "N",
-      "Time from message to message (1000; record: 4000; inspect: 10000; trace: 200)");
-  add("--rounds", options.rounds, "R", "Measure everything so often, in turn with the floors (1)");
+      "Interval between messages (1000; record: 4000; inspect: 10000; trace: 200)");
+  add("--rounds", options.rounds, "R",
+      "Number of measurements of each point, alternating with the floors (1)");
   add("--first-round", options.first_round, "R",
-      "Count the rounds from this one, which says who begins (1)");
+      "Number of the first round, which determines the order of measurements (1)");
   add_list("--wait", options.waits, "WAY,WAY",
-           "park, spin, adaptive: how workers wait (park; fanout, trace: park,spin)");
-  add("--load", options.load, "N", "Keep N other processes busy meanwhile (0)");
+           "How workers wait: park, spin, adaptive (park; fanout, trace: park,spin)");
+  add("--load", options.load, "N", "Number of other busy processes during the measurement (0)");
   line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
   add("--floors", options.floors, "WHICH",
-      "default, all (latency: with malloc; flood: with a bare ring) or none");
-  line.add_flag("--json", options.is_json, "One JSON object a line for each point and round");
-  add("--raw", options.raw_file, "FILE.csv", "Write the stamps of every message");
+      "Floors to measure: default, all (latency: with malloc; flood: with a bare ring) or none");
+  line.add_flag("--json", options.is_json,
+                "Print one JSON object per line, for each point and round");
+  add("--raw", options.raw_file, "FILE.csv", "Write the timestamps of every message");
   line.add_flag("--print-application", options.prints_application,
-                "Print the application of the first point, and measure nothing");
+                "Print the application of the first point and exit");
   line.add_flag("--processes", options.has_processes,
                 "latency: also with publisher and subscriber in two processes");
   add_list("--subs", options.subs, "N,N", "fanout: subscribers (1,2,4,8,16,32,64)");
-  add_list("--hops", options.hops, "N,N", "chain: hand-overs in a row (1,2,4,8)");
-  add("--window", options.window, "W", "flood: messages under way at most (1024)");
+  add_list("--hops", options.hops, "N,N", "chain: number of hops (1,2,4,8)");
+  add("--window", options.window, "W", "flood: maximum number of messages in flight (1024)");
   line.add_flag("--no-credits", options.has_no_credits,
-                "flood: send without regard for the receiver, and count what is lost");
-  add("--clock", options.clock, "CLOCK", "timer: live, or simulated for a million periods");
+                "flood: send without flow control, and count lost messages");
+  add("--clock", options.clock, "CLOCK", "timer: live; or simulated, for a million periods");
   add("--components", options.components, "N", "startup: how many (12)");
   add("--topics", options.topics, "M", "startup: how many (24)");
-  add("--for", options.idle_word, "TIME",
-      "startup: how long the idle application is watched (10s)");
+  add("--for", options.idle_word, "TIME", "startup: duration of the idle measurement (10s)");
   add("--dir", options.record_folder, "FOLDER",
-      "record, disk: where to record to (record: /dev/shm; disk: TMPDIR)");
+      "record, disk: output folder (record: /dev/shm; disk: TMPDIR)");
 }
 
 std::string complete(Options& options, const CLI::App& line) {
@@ -341,8 +343,7 @@ std::string complete(Options& options, const CLI::App& line) {
       list += (list.empty() ? "" : ", ") + name;
     }
     const std::string hint = config::did_you_mean(config::nearest(options.mode, names));
-    return "there is no mode \"" + options.mode + "\"; " +
-           (hint.empty() ? "there are " + list : hint);
+    return "unknown mode \"" + options.mode + "\"; " + (hint.empty() ? "there are " + list : hint);
   }
   const Defaults& mode = found->second;
   options.sizes = mode.sizes;
@@ -351,7 +352,7 @@ std::string complete(Options& options, const CLI::App& line) {
     for (const std::string& word : options.size_words) {
       const std::optional<std::int64_t> size = parse_size(word);
       if (!size) {
-        return "--size wants bytes up to 1G, as 64, 32K or 4M, not \"" + word + "\"";
+        return "--size expects bytes up to 1G, as 64, 32K or 4M, not \"" + word + "\"";
       }
       options.sizes.push_back(*size);
     }
@@ -371,7 +372,7 @@ std::string complete(Options& options, const CLI::App& line) {
   }
   const std::optional<Duration> idle = parse_duration(options.idle_word);
   if (!idle) {
-    return "--for wants a time above zero with its unit, as 500ms, 10s or 2min, not \"" +
+    return "--for expects a time above zero with its unit, as 500ms, 10s or 2min, not \"" +
            options.idle_word + "\"";
   }
   options.idle = *idle;

@@ -59,7 +59,7 @@ class RecordingFolder {
     }
     if (space.available < static_cast<std::uintmax_t>(needed)) {
       throw std::runtime_error(fmt::format(
-          "bench: {} has {} MB left, and this needs {}: take a smaller --count, or another --dir",
+          "bench: {} has {} MB left, and this needs {}; use a smaller --count or another --dir",
           place.string(), space.available / 1'000'000, needed / 1'000'000));
     }
     path_ = (place / "fastcycle-bench-XXXXXX").string();

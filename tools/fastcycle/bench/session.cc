@@ -41,7 +41,7 @@ Session::Folder::Folder() {
       std::filesystem::absolute(given == nullptr || *given == '\0' ? "/tmp" : given).string();
   path = place + "/fastcycle-bench-XXXXXX";
   if (mkdtemp(path.data()) == nullptr) {
-    throw std::runtime_error("bench: no folder for temporary files could be made in " + place +
+    throw std::runtime_error("bench: cannot create a folder for temporary files in " + place +
                              ": " + std::strerror(errno) + "; TMPDIR says where");
   }
 }
@@ -57,7 +57,7 @@ Session::Session(const Options& options)
       has_fifo_(options.is_fifo && measure::may_use_fifo()),
       signals_(block_stop_signals(), [this] {
         std::fputs(is_terminal() ? kClearLine : "", stderr);
-        print_text(stderr, "stopping… (Ctrl-C again ends at once)\n");
+        print_text(stderr, "stopping… (Ctrl-C again ends immediately)\n");
         is_stopped_ = true;
         runner_.request_end();
       }) {

@@ -210,22 +210,23 @@ Mode startup_mode(const Options& options, Session* session) {
       fmt::format("{} components and {} topics of one library, each topic with one subscriber",
                   options.components, options.topics);
   mode.is_upright = true;
-  mode.columns = {{"from nothing to all first messages, ms", "startup_ms", 2},
-                  {"  the JSON file read and checked, ms", "read_ms", 2},
-                  {"  libraries loaded, all constructed and connected, ms", "build_ms", 2},
-                  {"  components started, ms", "start_ms", 2},
-                  {"subscribers that got no message", "lost", 0},
-                  {"resident before, KiB", "rss_before_kib", 0},
-                  {"resident after, KiB", "rss_after_kib", 0},
-                  {"heap a component, bytes", "bytes_per_component", 0},
-                  {"heap a topic, beside its messages, bytes", "bytes_per_topic", 0},
-                  {"heap a subscription, beside its messages, bytes", "bytes_per_subscription", 0},
-                  {"publish() beside them, p50, µs", "publish_us", 2},
-                  {"publish() in an application of its own, p50, µs", "publish_alone_us", 2},
-                  {"idle: seconds watched", "idle_s", 2},
-                  {"idle: resident, KiB", "idle_rss_kib", 0},
-                  {"idle: percent of one CPU", "idle_cpu_percent", 4},
-                  {"idle: context switches a second", "idle_switches_per_s", 2}};
+  mode.columns = {
+      {"from nothing to all first messages, ms", "startup_ms", 2},
+      {"  the JSON file read and checked, ms", "read_ms", 2},
+      {"  libraries loaded, all constructed and connected, ms", "build_ms", 2},
+      {"  components started, ms", "start_ms", 2},
+      {"subscribers that got no message", "lost", 0},
+      {"resident before, KiB", "rss_before_kib", 0},
+      {"resident after, KiB", "rss_after_kib", 0},
+      {"heap a component, bytes", "bytes_per_component", 0},
+      {"heap per topic, without its messages, bytes", "bytes_per_topic", 0},
+      {"heap per subscription, without its messages, bytes", "bytes_per_subscription", 0},
+      {"publish() beside them, p50, µs", "publish_us", 2},
+      {"publish() in an application of its own, p50, µs", "publish_alone_us", 2},
+      {"idle: seconds watched", "idle_s", 2},
+      {"idle: resident, KiB", "idle_rss_kib", 0},
+      {"idle: percent of one CPU", "idle_cpu_percent", 4},
+      {"idle: context switches a second", "idle_switches_per_s", 2}};
   mode.points = {{.steps = {{.peer = "fastcycle-park",
                              .measure = [session] { return measure_startup(*session); }}}}};
   return mode;

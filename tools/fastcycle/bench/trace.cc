@@ -30,7 +30,7 @@ void add_trace(Finding& finding, const trace::TraceReport& trace) {
     finding.trouble = trace.problem;
   } else if (trace.lost() == 0 && static_cast<std::int64_t>(trace.slices) < callbacks) {
     finding.trouble =
-        fmt::format("{} callbacks, but only {} slices in the trace, and none said to be lost",
+        fmt::format("{} callbacks, but only {} slices in the trace, and no losses reported",
                     callbacks, trace.slices);
   }
 }

@@ -218,7 +218,8 @@ class Campaign {
       for (const auto& [key, value] : own.items()) {
         if (!other.is_object() || !other.contains(key) || other[key] != value) {
           return fmt::format(
-              "{} has another campaign: its {} differ{}; give another --out, or remove that folder",
+              "{} contains another campaign: its {} differ{}; use another --out, or remove that "
+              "folder",
               options_.out.string(), key == "for" ? "--for" : key,
               key == "libraries" || key == "options" || key == "judges" ? "" : "s");
         }
@@ -337,7 +338,7 @@ class Campaign {
           if (end.exit_code == kWrong && !is_wrong) {
             if (!fs::exists(folder_of(i) / "overlay.json")) {
               throw std::runtime_error(
-                  fmt::format("{} is there no more", (folder_of(i) / "overlay.json").string()));
+                  fmt::format("{} no longer exists", (folder_of(i) / "overlay.json").string()));
             }
             is_wrong = true;
             clear_line();
@@ -543,7 +544,8 @@ class Campaign {
     print_text(stderr, problems);
     const bool is_complete = summary.results.size() == options_.seeds;
     if (!is_complete) {
-      print_to(stderr, "fastcycle campaign: ended after {} of {} seeds; the same command goes on\n",
+      print_to(stderr,
+               "fastcycle campaign: stopped after {} of {} seeds; repeat the command to continue\n",
                summary.results.size(), options_.seeds);
     }
     const int flushed = flush_output();
@@ -626,52 +628,53 @@ int run_campaign(const CampaignOptions& options) {
 
 Command add_campaign(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "campaign", "Run an application with many sets of faults, and find the smallest that matter");
+      "campaign", "Run an application with many sets of faults, and reduce those that fail");
   line->footer(examples(
       "  fastcycle campaign app.json --plan plan.json --seeds 500 --judge 'collisions == 0'\n"
       "  fastcycle campaign app.json --plan plan.json --for 10s --out found --junit found.xml\n"
       "\n"
-      "Each seed draws faults of the plan, and is a run in simulated time. It fails if a judge is\n"
-      "not met, if the run ends with another exit code than 0, by a signal, or not within its\n"
-      "limit. What fails is reduced to the fewest faults and messages; OUT has an overlay and a\n"
-      "log of each, summary.json, and the page index.html. After Ctrl-C the same command goes on.\n"
-      "Exit codes: 0 all passed, 1 some failed or did not run, 2 wrong input (nothing was "
+      "Each seed draws faults from the plan for one run in simulated time. A run fails if a\n"
+      "condition of --judge is not met, its exit code is not 0, a signal ends it, or it exceeds\n"
+      "its limit. Failures are reduced to the fewest faults and messages; OUT contains an\n"
+      "overlay and a log of each, summary.json, and the page index.html. After Ctrl-C, the same\n"
+      "command continues.\n"
+      "Exit codes: 0 all passed, 1 some failed or did not run, 2 wrong input (nothing was\n"
       "started).\n"));
   const auto options = std::make_shared<CampaignOptions>();
   options->configuration.add_to(*line);
-  line->add_option("--plan", options->plan, "The faults that may be drawn, JSON")
+  line->add_option("--plan", options->plan, "The plan: the faults to draw from, JSON")
       ->required()
       ->type_name("FILE");
-  line->add_option("--seeds", options->seeds, "How many seeds: 100")
+  line->add_option("--seeds", options->seeds, "Number of seeds (100)")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{10'000'000}))
       ->type_name("N");
-  line->add_option("--first-seed", options->first_seed, "The first of them: 1")->type_name("N");
+  line->add_option("--first-seed", options->first_seed, "The first seed (1)")->type_name("N");
   line->add_option("--judge", options->judges,
-                   "What the report of each run has to meet: 'collisions == 0' (repeatable)")
+                   "Condition on the report of each run: 'collisions == 0' (repeatable)")
       ->allow_extra_args(false)
       ->type_name("CONDITION");
-  line->add_option("--jobs", options->jobs, "Runs beside each other: as many as there are CPUs")
+  line->add_option("--jobs", options->jobs, "Number of parallel runs (that of CPUs)")
       ->check(CLI::Range(1U, 1024U))
       ->type_name("N");
-  line->add_option("--out", options->out, "The folder for what is found: campaign")
-      ->type_name("DIR");
-  line->add_option("--for", options->limit,
-                   "End each run after this much of the application's time: 10s")
+  line->add_option("--out", options->out, "The output folder (campaign)")->type_name("DIR");
+  line->add_option("--for", options->limit, "End each run after this application time: 10s")
       ->check(is_time())
       ->type_name("TIME");
-  line->add_option("--limit", options->wall_limit,
-                   "Of each run, by the machine's clock; one that takes longer has failed: 60s")
+  line->add_option(
+          "--limit", options->wall_limit,
+          "Time limit of each run, by the machine's clock; exceeding it is a failure (60s)")
       ->check(is_time())
       ->type_name("TIME");
-  line->add_option("--shrink-runs", options->shrink_runs, "At most so many runs to reduce one: 300")
+  line->add_option("--shrink-runs", options->shrink_runs,
+                   "Maximum number of runs to reduce one failure (300)")
       ->type_name("N");
   line->add_option("--most-failures", options->most_failures,
-                   "Reduce at most so many different failures: 16")
+                   "Maximum number of different failures to reduce (16)")
       ->type_name("N");
   line->add_option("--junit", options->junit, "Write the results as JUnit XML, for CI")
       ->type_name("FILE");
-  line->add_flag("--no-logs", options->is_without_logs, "Write no log of the smallest failures");
-  line->add_flag("--quiet", options->is_quiet, "No progress line, no line for each failure");
+  line->add_flag("--no-logs", options->is_without_logs, "Write no logs of the reduced failures");
+  line->add_flag("--quiet", options->is_quiet, "Print no progress line and no line per failure");
   return {line, [options] { return run_campaign(*options); }};
 }
 

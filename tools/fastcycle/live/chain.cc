@@ -35,7 +35,7 @@ Json chains_of(Session& session) {
     json = Json(json[kChains]);
   }
   if (!json.is_array()) {
-    throw Failure(kFailed, "the application says nothing of its chains that can be read");
+    throw Failure(kFailed, "the application sent an unreadable reply about its chains");
   }
   return json;
 }
@@ -99,7 +99,7 @@ std::string text_of(const Json& chain) {
                                  text_in(chain, "from"), text_in(chain, "to"),
                                  chain.value("deadline_ms", 0.0), text_in(chain, "on_breach"));
   if (count == 0) {
-    return text + "  no message has come to its end yet\n";
+    return text + "  no message has reached its end yet\n";
   }
   text += fmt::format("  age p50 {}, p99 {}, max {} of {}\n", span_in(chain, "age_us", "p50"),
                       span_in(chain, "age_us", "p99"), span_in(chain, "age_us", "max"),
@@ -138,9 +138,9 @@ int show(const ChainOptions& options) {
   if (options.target.is_json) {
     return print_json(chosen);
   }
-  return print_text(text.empty() ? "The application has no chains; \"chains\" of its file declares "
-                                   "them.\n"
-                                 : text);
+  return print_text(text.empty()
+                        ? "The application has no chains; \"chains\" in its file declares them.\n"
+                        : text);
 }
 
 }  // namespace
@@ -148,17 +148,16 @@ int show(const ChainOptions& options) {
 
 Command add_chain(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "chain",
-      "Show how long latency chains take, hop by hop, and which one contributes most to breaches");
+      "chain", "Show the latency of chains, hop by hop, and the largest contributor to breaches");
   line->footer(examples(
       "  fastcycle chain\n"
       "  fastcycle chain lidar_to_brake\n"
       "  fastcycle chain --json | jq '.[] | select(.breaches > 0) | .largest_contributor'\n"
       "\n"
-      "Each hop waits from the publish before until its callback, and runs from there\n"
-      "until its own publish.\n"));
+      "The wait of a hop lasts from the preceding publish to its callback, its run from there\n"
+      "to its own publish.\n"));
   const auto options = std::make_shared<live::ChainOptions>();
-  line->add_option("chain", options->chain, "Only this one")->type_name("CHAIN");
+  line->add_option("chain", options->chain, "Only this chain")->type_name("CHAIN");
   options->target.add_to(*line);
   return {line, [options] { return live::guarded("chain", [&] { return live::show(*options); }); }};
 }

@@ -223,8 +223,7 @@ Command add_change(CLI::App& group, const std::string& word, const std::string& 
   line->footer(examples("  fastcycle component " + word +
                         " planner\n"
                         "\n"
-                        "The application has to allow it: \"inspect\": {\"allow\": "
-                        "[\"" +
+                        "The application must allow it: \"inspect\": {\"allow\": [" +
                         allow + "\"]}.\n"));
   const auto options = std::make_shared<ComponentOptions>();
   line->add_option("component", options->component, "The component")
@@ -265,7 +264,7 @@ int reload(const ReloadOptions& options) {
   wanted.set_params_json(params_text(options.params));
   const auto probation = parse_duration(options.probation);
   if (!probation && options.probation != "0") {
-    throw Failure(kWrong, "--probation wants a time with its unit, as 500ms, 10s or 2min, or 0");
+    throw Failure(kWrong, "--probation expects a time with its unit, as 500ms, 10s or 2min, or 0");
   }
   wanted.set_probation_ns(probation ? probation->count() : 0);
   wanted.set_misses_forgiven(options.misses_forgiven);
@@ -274,34 +273,33 @@ int reload(const ReloadOptions& options) {
 }
 
 Command add_reload(CLI::App& group) {
-  CLI::App* line =
-      group.add_subcommand("reload", "Replace a component by one of another library, on probation");
+  CLI::App* line = group.add_subcommand(
+      "reload", "Replace a component by one of another library, with rollback");
   line->footer(examples(
       "  fastcycle component reload planner --library planner_v2\n"
       "  fastcycle component reload planner --library build/libplanner.so --probation 30s\n"
       "  fastcycle component reload planner --library planner --params '{\"horizon_s\": 4}'\n"
       "\n"
-      "It is tried in a process of its own before. It gets the declared state, and no message is\n"
-      "lost. During the probation a fault, a call that hangs, or missed deadlines take it back.\n"
-      "The application has to allow it: \"inspect\": {\"allow\": [\"reload\"]}.\n"));
+      "The new component is first tested in a separate process. It receives the declared state,\n"
+      "and no message is lost. A fault, a hanging call or missed deadlines during the probation\n"
+      "roll it back. The application must allow it: \"inspect\": {\"allow\": [\"reload\"]}.\n"));
   const auto options = std::make_shared<ReloadOptions>();
   line->add_option("component", options->of.component, "The component")
       ->required()
       ->type_name("COMPONENT");
   line->add_option("--library", options->library,
-                   "Which: a name as in the application file, or the file of the library")
+                   "The library: a name as in the application file, or a file")
       ->required()
       ->type_name("NAME|FILE.so");
-  line->add_option("--class", options->class_name, "Which class, if the library has several")
+  line->add_option("--class", options->class_name, "The class, if the library contains several")
       ->type_name("NAME");
-  line->add_option("--params", options->params,
-                   "A JSON object of params, or its file, upon what the component has now")
+  line->add_option("--params", options->params, "Params to change: a JSON object or its file")
       ->type_name("JSON|FILE");
   line->add_option("--probation", options->probation,
-                   "For how long it can be rolled back, in the application's time (10s); 0: not")
+                   "Duration of the probation in application time (10s); 0: no rollback")
       ->type_name("TIME");
   line->add_option("--misses-forgiven", options->misses_forgiven,
-                   "How many missed deadlines do not take it back (2)")
+                   "Number of missed deadlines that do not cause a rollback (2)")
       ->type_name("N");
   options->of.target.add_to(*line);
   return {line,
@@ -309,12 +307,14 @@ Command add_reload(CLI::App& group) {
 }
 
 Command add_list_of_components(CLI::App& group) {
-  CLI::App* line = group.add_subcommand("list", "List components, with what they do and how long");
+  CLI::App* line =
+      group.add_subcommand("list", "List components with their state, activity and callback times");
   line->footer(
       examples("  fastcycle component list\n"
                "  fastcycle component list --json | jq '.[] | select(.faults > 0).name'\n"
                "\n"
-               "CPU: of one, within callbacks, since the start. p50, p99, max: of a callback.\n"));
+               "CPU: share of one CPU within callbacks, since the start. p50, p99, max:\n"
+               "callback duration.\n"));
   const auto target = std::make_shared<Target>();
   target->add_to(*line);
   return {line,
@@ -322,7 +322,7 @@ Command add_list_of_components(CLI::App& group) {
 }
 
 Command add_info_of_component(CLI::App& group) {
-  CLI::App* line = group.add_subcommand("info", "Show all there is to say of one component");
+  CLI::App* line = group.add_subcommand("info", "Show all information about one component");
   line->footer(examples(
       "  fastcycle component info planner\n"
       "  fastcycle component info planner --json | jq .callback.p99_ns\n"
@@ -341,30 +341,28 @@ Command add_info_of_component(CLI::App& group) {
 Command add_component(CLI::App& program) {
   using live::protocol::Lifecycle;
   CLI::App* group = program.add_subcommand(
-      "component", "Look at the components of a running application, start and stop them");
+      "component", "Inspect, start and stop the components of a running application");
   group->require_subcommand(0, 1);
   group->footer(
       examples("  fastcycle component list\n"
                "  fastcycle component info planner\n"
                "  fastcycle component restart planner\n"
                "  fastcycle component reload planner --library planner_v2\n"));
-  return {
-      .line = group,
-      .words = {live::add_list_of_components(*group), live::add_info_of_component(*group),
-                live::add_change(*group, "start", "Activate a component that was stopped",
-                                 Lifecycle::ACTION_START),
-                live::add_change(*group, "stop", "Deactivate a component: its callbacks end",
-                                 Lifecycle::ACTION_STOP),
-                live::add_change(*group, "switch", "Have the standby of a component take its place",
-                                 Lifecycle::ACTION_SWITCH),
-                live::add_change(*group, "restart", "Make a component anew, as after a fault",
-                                 Lifecycle::ACTION_RESTART),
-                live::add_reload(*group),
-                live::add_change(*group, "rollback",
-                                 "Return to the library before a reload, on probation",
-                                 Lifecycle::ACTION_ROLL_BACK, "reload"),
-                live::add_change(*group, "confirm", "End the probation of a reload",
-                                 Lifecycle::ACTION_CONFIRM, "reload")}};
+  return {.line = group,
+          .words = {live::add_list_of_components(*group), live::add_info_of_component(*group),
+                    live::add_change(*group, "start", "Activate a component that was stopped",
+                                     Lifecycle::ACTION_START),
+                    live::add_change(*group, "stop", "Deactivate a component: its callbacks end",
+                                     Lifecycle::ACTION_STOP),
+                    live::add_change(*group, "switch", "Switch a component to its standby",
+                                     Lifecycle::ACTION_SWITCH),
+                    live::add_change(*group, "restart", "Restart a component, as after a fault",
+                                     Lifecycle::ACTION_RESTART),
+                    live::add_reload(*group),
+                    live::add_change(*group, "rollback", "Roll back a reload during its probation",
+                                     Lifecycle::ACTION_ROLL_BACK, "reload"),
+                    live::add_change(*group, "confirm", "Accept a reload and end its probation",
+                                     Lifecycle::ACTION_CONFIRM, "reload")}};
 }
 
 }  // namespace fastcycle::tool

@@ -28,7 +28,7 @@ Json followers_of(Session& session, const std::string& kind) {
   const std::string text = session.client().ask(std::move(request)).document().json();
   const Json json = Json::parse(text, nullptr, false);
   if (!json.is_object() || !json.contains(kFollowers)) {
-    throw Failure(kFailed, "the application says nothing of them that can be read");
+    throw Failure(kFailed, "the application sent an unreadable reply about them");
   }
   for (const Json& one : json[kFollowers]) {
     if (one.is_object() && one.value("kind", "") == kind) {
@@ -54,8 +54,8 @@ int show_standbys(const Target& target) {
   }
   if (all.empty()) {
     return print_text(
-        "No process of the application has a standby; \"standby\": true of a component or a "
-        "process gives it one.\n");
+        "No process of the application has a standby; \"standby\": true of a component or process "
+        "adds one.\n");
   }
   std::vector<std::vector<std::string>> rows{
       {"process", "run", "state", "activations", "behind", "compared"}};
@@ -115,9 +115,10 @@ int show_shadows(const Target& target) {
   for (const Json& shadow : all) {
     text += (text.empty() ? "" : "\n") + shadow_text(shadow);
   }
-  return print_text(text.empty() ? "The application has no shadows; \"shadow\" of its file, or of "
-                                   "an overlay, asks for some.\n"
-                                 : text);
+  return print_text(
+      text.empty()
+          ? "The application has no shadows; \"shadow\" in its file or in an overlay adds them.\n"
+          : text);
 }
 
 }  // namespace
@@ -125,14 +126,14 @@ int show_shadows(const Target& target) {
 
 Command add_standby(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "standby", "Show the standbys of processes: whether each is in step, and how far behind");
+      "standby", "Show the standbys of processes: whether each is in step, and its lag");
   line->footer(
       examples("  fastcycle standby\n"
                "  fastcycle standby --json | jq '.[] | select(.state != \"in step\")'\n"
                "  fastcycle component switch planner\n"
                "\n"
-               "behind: activations of the other process that are known and not executed yet.\n"
-               "compared: messages that both have made, which are equal.\n"));
+               "behind: activations of the other process that are received and not yet executed.\n"
+               "compared: messages that both processes have published and that are equal.\n"));
   const auto target = std::make_shared<live::Target>();
   target->add_to(*line);
   return {line, [target] {
@@ -142,12 +143,12 @@ Command add_standby(CLI::App& program) {
 
 Command add_shadow(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "shadow", "Show in what the messages of shadows differ from those of what they follow");
+      "shadow", "Show how the messages of shadows differ from those of the components they follow");
   line->footer(examples(
       "  fastcycle shadow\n"
       "  fastcycle shadow --json | jq '.[].topics[] | select(.different > 0).fields'\n"
       "\n"
-      "A shadow executes what a component executes, with another library or other params:\n"
+      "A shadow repeats the activations of a component with another library or other params:\n"
       "  \"shadow\": [{\"of\": \"planner\", \"library\": \"planner_v2\"}]\n"));
   const auto target = std::make_shared<live::Target>();
   target->add_to(*line);

@@ -77,7 +77,7 @@ int list_running(const Target& target) {
     return print_json(json);
   }
   return print_text(rows.size() > 1 ? table_text(rows)
-                                    : "No application runs that may be looked at; start one with: "
+                                    : "No running application can be inspected; start one with: "
                                       "fastcycle run app.json --inspect\n");
 }
 
@@ -90,7 +90,7 @@ Command add_list(CLI::App& program) {
       examples("  fastcycle list\n"
                "  fastcycle list --json | jq -r '.[].name'\n"));
   const auto target = std::make_shared<live::Target>();
-  line->add_flag("--json", target->is_json, "One JSON document");
+  line->add_flag("--json", target->is_json, "Print one JSON document");
   return {line,
           [target] { return live::guarded("list", [&] { return live::list_running(*target); }); }};
 }

@@ -59,7 +59,7 @@ int log(const LogOptions& options) {
       return true;
     }
     if (answer->log().lost() > 0) {
-      print_to(stderr, "fastcycle log: {} came faster than they could be sent\n",
+      print_to(stderr, "fastcycle log: {} exceeded the rate at which they can be sent\n",
                count_text(answer->log().lost(), "line"));
     }
     for (const protocol::LogLine& line : answer->log().lines()) {
@@ -79,7 +79,7 @@ int log(const LogOptions& options) {
 }  // namespace live
 
 Command add_log(CLI::App& program) {
-  CLI::App* line = program.add_subcommand("log", "Print what a running application logs");
+  CLI::App* line = program.add_subcommand("log", "Print the log of a running application");
   line->footer(
       examples("  fastcycle log\n"
                "  fastcycle log --level warning\n"
@@ -87,14 +87,15 @@ Command add_log(CLI::App& program) {
                "\n"
                "Ctrl-C ends it.\n"));
   const auto options = std::make_shared<live::LogOptions>();
-  line->add_option("--level", options->level, "Only this and what is worse")
+  line->add_option("--level", options->level, "Minimum level")
       ->check(is_one_of({detail::kLogLevelWords.begin(), detail::kLogLevelWords.end()}))
       ->type_name("debug|info|warning|error");
-  line->add_option("--component", options->component, "Only of this one")->type_name("COMPONENT");
-  line->add_option("--count", options->count, "Only so many lines")
+  line->add_option("--component", options->component, "Only lines of this component")
+      ->type_name("COMPONENT");
+  line->add_option("--count", options->count, "End after this number of lines")
       ->check(is_above_zero())
       ->type_name("N");
-  options->target.add_to(*line, "One JSON object a line");
+  options->target.add_to(*line, "Print one JSON object per line");
   return {line, [options] { return live::guarded("log", [&] { return live::log(*options); }); }};
 }
 

@@ -57,7 +57,7 @@ int switch_to(Session& session, const protocol::Overview& overview, const ModeOp
   session.client().ask(std::move(request));
   if (!wait_for(session, options.mode)) {
     throw Failure(kFailed, "the mode \"" + options.mode +
-                               "\" was asked for, but the application is still in \"" +
+                               "\" was requested, but the application is still in \"" +
                                session.overview().mode() + "\"");
   }
   if (options.target.is_json) {
@@ -80,13 +80,13 @@ int mode(const ModeOptions& options) {
 
 Command add_mode(CLI::App& program) {
   CLI::App* line =
-      program.add_subcommand("mode", "Show the modes of a running application, or switch");
-  line->footer(
-      examples("  fastcycle mode\n"
-               "  fastcycle mode degraded\n"
-               "  fastcycle mode --json | jq -r .mode\n"
-               "\n"
-               "A switch has to be allowed: \"inspect\": {\"allow\": [\"lifecycle\"]}.\n"));
+      program.add_subcommand("mode", "Show the modes of a running application, or switch the mode");
+  line->footer(examples(
+      "  fastcycle mode\n"
+      "  fastcycle mode degraded\n"
+      "  fastcycle mode --json | jq -r .mode\n"
+      "\n"
+      "The application must allow a switch: \"inspect\": {\"allow\": [\"lifecycle\"]}.\n"));
   const auto options = std::make_shared<live::ModeOptions>();
   line->add_option("mode", options->mode, "The mode to switch to")->type_name("MODE");
   options->target.add_to(*line);

@@ -79,7 +79,7 @@ int list(const ParamOptions& options) {
       for (const host::ListedParam& param : params) {
         known.push_back(param.component);
       }
-      require_known(pattern, known, "component and no param");
+      require_known(pattern, known, "component or param");
     }
   }
   std::erase_if(params, [&](const host::ListedParam& param) {
@@ -126,7 +126,8 @@ int get(const ParamOptions& options) {
 protocol::ChangeParams::Change change_of(const std::string& word) {
   const std::size_t equals = word.find('=');
   if (equals == std::string::npos || equals == 0) {
-    throw Failure(kWrong, "wants COMPONENT.PARAM=VALUE, not \"" + archive::printable(word) + "\"");
+    throw Failure(kWrong,
+                  "expects COMPONENT.PARAM=VALUE, not \"" + archive::printable(word) + "\"");
   }
   const std::string value = word.substr(equals + 1);
   protocol::ChangeParams::Change change;
@@ -178,14 +179,14 @@ int set(const ParamOptions& options) {
 }
 
 Command add_list_of_params(CLI::App& group) {
-  CLI::App* line = group.add_subcommand("list", "List params, with their values");
+  CLI::App* line = group.add_subcommand("list", "List params with their values");
   line->footer(
       examples("  fastcycle param list\n"
                "  fastcycle param list limiter '*.limit_mps'\n"
                "  fastcycle param list --json | jq '.[] | select(.tunable).name'\n"));
   const auto options = std::make_shared<ParamOptions>();
   line->add_option("patterns", options->words,
-                   "Only these components, or params as limiter.limit_mps; * is any text")
+                   "Only these components, or params as limiter.limit_mps; * matches any text")
       ->type_name("PATTERN");
   options->target.add_to(*line);
   return {line, [options] { return guarded("param list", [&] { return list(*options); }); }};
@@ -197,7 +198,9 @@ Command add_get(CLI::App& group) {
       examples("  fastcycle param get limiter.limit_mps\n"
                "  fastcycle param get limiter.limit_mps planner.horizon_s --json\n"));
   const auto options = std::make_shared<ParamOptions>();
-  line->add_option("params", options->words, "Which")->required()->type_name("COMPONENT.PARAM");
+  line->add_option("params", options->words, "The params")
+      ->required()
+      ->type_name("COMPONENT.PARAM");
   options->target.add_to(*line);
   return {line, [options] { return guarded("param get", [&] { return get(*options); }); }};
 }
@@ -209,10 +212,10 @@ Command add_set(CLI::App& group) {
                "  fastcycle param set limiter.limit_mps=20 limiter.jerk_mps3=1.5\n"
                "  fastcycle param set shared_params.vehicle_mass_kg=1650\n"
                "\n"
-               "Several are one transaction: all of them are changed, or none is. The application\n"
-               "has to allow it: \"inspect\": {\"allow\": [\"params\"]}.\n"));
+               "Several params form one transaction: all are changed, or none. The application\n"
+               "must allow it: \"inspect\": {\"allow\": [\"params\"]}.\n"));
   const auto options = std::make_shared<ParamOptions>();
-  line->add_option("changes", options->words, "The new values, as JSON; what is none is a text")
+  line->add_option("changes", options->words, "The new values, as JSON; other text is a string")
       ->required()
       ->type_name("COMPONENT.PARAM=VALUE");
   options->target.add_to(*line);
@@ -226,12 +229,12 @@ Command add_param(CLI::App& program) {
   CLI::App* group =
       program.add_subcommand("param", "Read and change the params of a running application");
   group->require_subcommand(0, 1);
-  group->footer(
-      examples("  fastcycle param list limiter\n"
-               "  fastcycle param get limiter.limit_mps\n"
-               "  fastcycle param set limiter.limit_mps=20\n"
-               "\n"
-               "fastcycle params app.json lists those of an application that does not run.\n"));
+  group->footer(examples(
+      "  fastcycle param list limiter\n"
+      "  fastcycle param get limiter.limit_mps\n"
+      "  fastcycle param set limiter.limit_mps=20\n"
+      "\n"
+      "fastcycle params app.json lists the params of an application without running it.\n"));
   return {
       .line = group,
       .words = {live::add_list_of_params(*group), live::add_get(*group), live::add_set(*group)}};

@@ -110,7 +110,7 @@ class LiveLog {
     try {
       file_ = base::rename_to_next_free(active(), file_);
     } catch (const std::filesystem::filesystem_error& error) {
-      throw Failure(kFailed, active().string() + " has the log, and cannot get the name " +
+      throw Failure(kFailed, active().string() + " contains the log and cannot be renamed to " +
                                  error.path2().string() + ": " + error.code().message());
     }
   }
@@ -176,7 +176,7 @@ class LiveLog {
                               .metadata = {}});
     for (const protocol::Started::Channel& channel : started.channels()) {
       if (channel.schema() >= static_cast<std::uint32_t>(started.schemas_size())) {
-        throw Failure(kFailed, "the application did not say what " + channel.topic() + " is");
+        throw Failure(kFailed, "the application did not describe " + channel.topic() + " is");
       }
       const auto id = static_cast<std::uint16_t>(kInfosChannel + 1 + streams_.size());
       writer_.add(mcap::Channel{
@@ -194,7 +194,7 @@ class LiveLog {
   record::MessageFacts write(const protocol::Message& message) {
     const auto found = streams_.find(message.channel());
     if (found == streams_.end()) {
-      throw Failure(kFailed, "the application sent a message of a publisher that it did not name");
+      throw Failure(kFailed, "the application sent a message of an undeclared publisher");
     }
     Stream& stream = found->second;
     const auto time_ns = static_cast<std::uint64_t>(message.publish_time_ns());
@@ -286,7 +286,7 @@ int record(const LiveRecordOptions& options) {
     throw Failure(kWrong, wrong);
   }
   if (!options.duration.empty() && !parse_duration(options.duration)) {
-    throw Failure(kWrong, "--for wants a time above zero with its unit, as 500ms or 10s");
+    throw Failure(kWrong, "--for expects a time above zero with its unit, as 500ms or 10s");
   }
   Session session(options.target, "record --live");
   const protocol::Overview overview = session.overview();
@@ -315,7 +315,7 @@ int record(const LiveRecordOptions& options) {
   log.close(why);
   if (!problem.empty()) {
     throw Failure(kFailed, archive::printable(problem) + "; " + log.file().string() +
-                               " has what came before");
+                               " contains the messages before that");
   }
   return options.is_quiet
              ? kDone

@@ -112,16 +112,16 @@ Command add_list_of_services(CLI::App& group) {
 
 Command add_call(CLI::App& group) {
   CLI::App* line = group.add_subcommand("call", "Send a request to a service, and print its reply");
-  line->footer(examples(
-      "  fastcycle service call planner/replan '{\"reason\": \"test\"}'\n"
-      "  fastcycle service call planner/replan --timeout 30s --json | jq .reply\n"
-      "\n"
-      "Without a request, one that says nothing is sent. The application has to allow it:\n"
-      "\"inspect\": {\"allow\": [\"publish\"]}.\n"));
+  line->footer(
+      examples("  fastcycle service call planner/replan '{\"reason\": \"test\"}'\n"
+               "  fastcycle service call planner/replan --timeout 30s --json | jq .reply\n"
+               "\n"
+               "Without REQUEST, an empty request is sent. The application must allow it:\n"
+               "\"inspect\": {\"allow\": [\"publish\"]}.\n"));
   const auto options = std::make_shared<CallOptions>();
   line->add_option("service", options->service, "The service")->required()->type_name("SERVICE");
   line->add_option("request", options->json, "The request, as JSON")->type_name("JSON");
-  line->add_option("--timeout", options->timeout, "How long it may take (5s, at most 60s)")
+  line->add_option("--timeout", options->timeout, "Time limit (5s, at most 60s)")
       ->check(is_time())
       ->type_name("TIME");
   options->target.add_to(*line);
@@ -133,7 +133,7 @@ Command add_call(CLI::App& group) {
 
 Command add_service(CLI::App& program) {
   CLI::App* group =
-      program.add_subcommand("service", "List the services of a running application, call one");
+      program.add_subcommand("service", "List or call the services of a running application");
   group->require_subcommand(0, 1);
   group->footer(
       examples("  fastcycle service list\n"

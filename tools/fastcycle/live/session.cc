@@ -78,7 +78,7 @@ Json parse_or_null(const std::string& text) {
 // ---- Requests ----
 
 void Target::add_application_to(CLI::App& line) {
-  line.add_option("--app", application, "The running application; the only one, if not given")
+  line.add_option("--app", application, "The running application (the only one)")
       ->type_name("NAME");
 }
 
@@ -93,22 +93,22 @@ void require_live_only(const CLI::App& line, const std::vector<std::string>& all
       continue;
     }
     if (option->get_positional()) {
-      throw Failure(kWrong, "--live looks at an application that runs: say --app NAME, not a file");
+      throw Failure(kWrong, "--live inspects a running application; give --app NAME, not a file");
     }
     if (std::ranges::find(allowed, option->get_single_name()) == allowed.end()) {
-      throw Failure(kWrong, "--" + option->get_single_name() + " means nothing with --live");
+      throw Failure(kWrong, "--" + option->get_single_name() + " cannot be used with --live");
     }
   }
 }
 
 void require_file(const CLI::App& line) {
   if (line.count("--app") > 0) {
-    throw Failure(kWrong, "--app is for --live");
+    throw Failure(kWrong, "--app requires --live");
   }
   if (line.count("application") == 0) {
-    throw Failure(kWrong,
-                  "application is required: the application's JSON file, or --live for one that "
-                  "runs");
+    throw Failure(
+        kWrong,
+        "application is required: the application's JSON file, or --live for a running one");
   }
 }
 

@@ -29,7 +29,7 @@ struct Target {
   bool is_json = false;
 
   void add_application_to(CLI::App& line);
-  void add_to(CLI::App& line, const std::string& json_help = "One JSON document");
+  void add_to(CLI::App& line, const std::string& json_help = "Print one JSON document");
 };
 
 /// For a command that works live or on a file, if `--live` was given: throws `Failure` if there is

@@ -108,7 +108,7 @@ std::string publishers_text(const protocol::Topic& topic, std::int64_t now_ns) {
 
 std::string subscribers_text(const protocol::Topic& topic) {
   if (topic.subscribers().empty()) {
-    return "Nobody subscribes to it.\n";
+    return "It has no subscribers.\n";
   }
   std::vector<std::vector<std::string>> rows{
       {"subscribed by", "by", "depth", "delivered", "queued", "dropped", "p50", "p99", "max"}};
@@ -144,7 +144,7 @@ int info(const InfoOptions& options) {
     text += fmt::format("{} a message\n", bytes_text(topic.message_bytes()));
   }
   if (topic.latched() > 0) {
-    text += fmt::format("latched: who comes later gets the last {}\n", topic.latched());
+    text += fmt::format("latched: late subscribers receive the last {}\n", topic.latched());
   }
   return print_text(text + "\n" + publishers_text(topic, overview.now_ns()) + "\n" +
                     subscribers_text(topic));
@@ -153,26 +153,25 @@ int info(const InfoOptions& options) {
 }  // namespace
 
 Command add_topic_list(CLI::App& group) {
-  CLI::App* line = group.add_subcommand("list", "List topics, with what flows on them");
+  CLI::App* line = group.add_subcommand("list", "List topics with their types, rates and losses");
   line->footer(
       examples("  fastcycle topic list\n"
                "  fastcycle topic list 'control/**'\n"
                "  fastcycle topic list --json | jq '.[] | select(.dropped > 0)'\n"
                "\n"
-               "rate: since the start, in the application's time. p50, p99: from publish to\n"
-               "callback, of the subscriber that waits longest.\n"));
+               "rate: since the start, in application time. p50, p99: time from publish to\n"
+               "callback, of the slowest subscriber.\n"));
   const auto options = std::make_shared<ListOptions>();
   line->add_option("topics", options->patterns,
-                   "Only these: control/* (one level), camera/** (any)")
+                   "Only topics that match: control/* (one level), camera/** (any)")
       ->type_name("PATTERN");
-  line->add_flag("--services", options->has_services, "The topics of services and actions, too");
+  line->add_flag("--services", options->has_services, "Include the topics of services and actions");
   options->target.add_to(*line);
   return {line, [options] { return guarded("topic list", [&] { return list(*options); }); }};
 }
 
 Command add_topic_info(CLI::App& group) {
-  CLI::App* line =
-      group.add_subcommand("info", "Show who publishes a topic, who subscribes to it, and how");
+  CLI::App* line = group.add_subcommand("info", "Show the publishers and subscribers of a topic");
   line->footer(
       examples("  fastcycle topic info control/speed\n"
                "  fastcycle topic info control/speed --json | jq '.subscribers[].ledger'\n"));
@@ -186,7 +185,7 @@ Command add_topic_info(CLI::App& group) {
 
 Command add_topic(CLI::App& program) {
   CLI::App* group =
-      program.add_subcommand("topic", "Look at the topics of a running application, and publish");
+      program.add_subcommand("topic", "Inspect the topics of a running application, and publish");
   group->require_subcommand(0, 1);
   group->footer(
       examples("  fastcycle topic list\n"

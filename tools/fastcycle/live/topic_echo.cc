@@ -56,7 +56,7 @@ class EchoedTopic {
         return channel;
       }
     }
-    throw Failure(kFailed, "the application sent a message of a publisher that it did not name");
+    throw Failure(kFailed, "the application sent a message of an undeclared publisher");
   }
 
   [[nodiscard]] const archive::MessageType& type_of(const protocol::Started::Channel& channel) {
@@ -82,7 +82,7 @@ class EchoedTopic {
   std::string text(const protocol::Message& message, const protocol::Started::Channel& channel) {
     std::string text;
     if (const std::uint64_t lost = std::exchange(lost_, 0); lost > 0) {
-      text = fmt::format("({} of {} came faster than they could be sent)\n",
+      text = fmt::format("({} of {} exceeded the rate at which they can be sent)\n",
                          count_text(lost, "message"), archive::printable(channel.topic()));
     }
     text += fmt::format("{}  {}  #{}  {}\n",
@@ -176,19 +176,21 @@ Command add_topic_echo(CLI::App& group) {
                "\n"
                "Ctrl-C ends it.\n"));
   const auto options = std::make_shared<EchoOptions>();
-  line->add_option("topics", options->patterns, "Which: a name, control/* (one level), camera/**")
+  line->add_option("topics", options->patterns,
+                   "The topics: a name, control/* (one level), camera/**")
       ->required()
       ->type_name("TOPIC-PATTERN");
-  CLI::Option* count = line->add_option("--count", options->count, "Only so many")
-                           ->check(is_above_zero())
-                           ->type_name("N");
-  line->add_flag("--once", options->is_once, "Only one")->excludes(count);
-  line->add_flag("--full", options->is_full, "Large fields as well, and all of long lists");
+  CLI::Option* count =
+      line->add_option("--count", options->count, "End after this number of messages")
+          ->check(is_above_zero())
+          ->type_name("N");
+  line->add_flag("--once", options->is_once, "End after one message")->excludes(count);
+  line->add_flag("--full", options->is_full, "Print large fields and long lists in full");
   line->add_option("--max-rate", options->max_rate_hz,
-                   "At most so many of each topic a second; the others are left out")
+                   "Maximum number of messages per topic and second; others are omitted")
       ->check(is_above_zero())
       ->type_name("HZ");
-  options->target.add_to(*line, "One JSON object a line");
+  options->target.add_to(*line, "Print one JSON object per line");
   return {line, [options] { return guarded("topic echo", [&] { return echo(*options); }); }};
 }
 

@@ -64,20 +64,22 @@ int publish(const PubOptions& options) {
 
 Command add_topic_pub(CLI::App& group) {
   CLI::App* line = group.add_subcommand("pub", "Publish a message on a topic");
-  line->footer(
-      examples("  fastcycle topic pub control/speed '{\"mps\": 3.5}'\n"
-               "  fastcycle topic pub control/speed '{\"mps\": 3.5}' --rate 10\n"
-               "  fastcycle topic pub control/speed '{}' --rate 100 --count 500\n"
-               "\n"
-               "Once, or with --rate until Ctrl-C. What is not said has its default. The\n"
-               "application has to allow it: \"inspect\": {\"allow\": [\"publish\"]}.\n"));
+  line->footer(examples(
+      "  fastcycle topic pub control/speed '{\"mps\": 3.5}'\n"
+      "  fastcycle topic pub control/speed '{\"mps\": 3.5}' --rate 10\n"
+      "  fastcycle topic pub control/speed '{}' --rate 100 --count 500\n"
+      "\n"
+      "Publishes once, or with --rate until Ctrl-C. Omitted fields have their defaults. The\n"
+      "application must allow it: \"inspect\": {\"allow\": [\"publish\"]}.\n"));
   const auto options = std::make_shared<PubOptions>();
   line->add_option("topic", options->topic, "The topic")->required()->type_name("TOPIC");
   line->add_option("message", options->json, "The message, as JSON")->required()->type_name("JSON");
-  line->add_option("--rate", options->rate_hz, "So many a second")
+  line->add_option("--rate", options->rate_hz, "Messages per second")
       ->check(is_above_zero())
       ->type_name("HZ");
-  line->add_option("--count", options->count, "So many")->check(is_above_zero())->type_name("N");
+  line->add_option("--count", options->count, "Number of messages")
+      ->check(is_above_zero())
+      ->type_name("N");
   options->target.add_to(*line);
   return {line, [options] { return guarded("topic pub", [&] { return publish(*options); }); }};
 }

@@ -314,37 +314,37 @@ Command add_rate(CLI::App& group, Kind kind, const std::string& word, const std:
   options->kind = kind;
   options->command = "topic " + word;
   line->add_option("topic", options->topic, "The topic")->required()->type_name("TOPIC");
-  line->add_option("--every", options->every, "A line so often (1s)")
+  line->add_option("--every", options->every, "Time between lines (1s)")
       ->check(is_time())
       ->type_name("TIME");
-  line->add_option("--window", options->window, "Of the messages of so long (10s)")
+  line->add_option("--window", options->window, "Time over which messages are averaged (10s)")
       ->check(is_time())
       ->type_name("TIME");
-  line->add_option("--count", options->count, "Only so many lines")
+  line->add_option("--count", options->count, "End after this number of lines")
       ->check(is_above_zero())
       ->type_name("N");
-  options->target.add_to(*line, "One JSON object a line");
+  options->target.add_to(*line, "Print one JSON object per line");
   return {line, [options] { return guarded(options->command, [&] { return show(*options); }); }};
 }
 
 }  // namespace
 
 Command add_topic_hz(CLI::App& group) {
-  return add_rate(group, Kind::kRate, "hz", "Show how often messages are published",
-                  "By their publish times, which are the application's.\n");
+  return add_rate(group, Kind::kRate, "hz", "Show the rate of messages",
+                  "The rate is computed from the publish times, in application time.\n");
 }
 
 Command add_topic_bw(CLI::App& group) {
-  return add_rate(group, Kind::kBandwidth, "bw", "Show how many bytes a second a topic has",
-                  "Bytes of messages as they would be in a file; within the application they are\n"
-                  "handed on by pointer.\n");
+  return add_rate(group, Kind::kBandwidth, "bw", "Show the bandwidth of a topic",
+                  "Sizes are those of serialized messages; within the application, messages are\n"
+                  "passed by pointer.\n");
 }
 
 Command add_topic_delay(CLI::App& group) {
   return add_rate(
-      group, Kind::kDelay, "delay", "Show how old messages are, and how long they wait",
-      "From the oldest measurement that led to a message until it was published; and\n"
-      "from publish to callback, since the start, of the subscriber that waits longest.\n");
+      group, Kind::kDelay, "delay", "Show the age and latency of messages",
+      "Age: from the oldest measurement that led to a message until its publish. Latency: from\n"
+      "publish to callback, since the start, of the slowest subscriber.\n");
 }
 
 }  // namespace fastcycle::tool::live

@@ -140,7 +140,7 @@ int examine(std::chrono::nanoseconds time, bool is_json, Output& output) {
     output.write(base::printable_json(json.dump(2, ' ', false, Json::error_handler_t::replace)) +
                  "\n");
   } else {
-    output.write(fmt::format("\n{} problem{}, {} thing{} that could be better\n", problems,
+    output.write(fmt::format("\n{} problem{}, {} possible improvement{}\n", problems,
                              problems == 1 ? "" : "s", advice, advice == 1 ? "" : "s"));
   }
   output.flush();

@@ -85,7 +85,7 @@ Finding look_at_preemption(const fs::path& root) {
           .name = "kernel",
           .level = Level::kAdvice,
           .found = word,
-          .why = "drivers and interrupts hold up even FIFO threads now and then",
+          .why = "drivers and interrupts occasionally delay even FIFO threads",
           .remedy = "sudo apt install linux-image-rt-" +
                     std::string(version.find("aarch64") != std::string::npos ? "arm64" : "amd64")};
     }
@@ -93,7 +93,7 @@ Finding look_at_preemption(const fs::path& root) {
   return {.name = "kernel",
           .level = Level::kAdvice,
           .found = "without preemption",
-          .why = "a system call of another process holds up a thread until it ends",
+          .why = "a system call of another process delays a thread until it ends",
           .remedy = "sudo apt install linux-image-rt-amd64"};
 }
 
@@ -107,7 +107,8 @@ Finding look_at_throttling(const fs::path& root) {
       .name = "FIFO throttling",
       .level = Level::kAdvice,
       .found = fmt::format("{:.0f} of {:.0f} ms", *runtime / 1e3, *period / 1e3),
-      .why = "FIFO threads that never sleep, as with \"wait\": \"spin\", stand still for the rest",
+      .why =
+          "FIFO threads that never sleep, as with \"wait\": \"spin\", are suspended for the rest",
       .remedy = "sudo sysctl -w kernel.sched_rt_runtime_us=-1"};
 }
 
@@ -119,7 +120,7 @@ Finding look_at_governor(const fs::path& root) {
     }
   }
   if (governors.empty()) {
-    return {.name = "CPU frequency", .found = "not in the kernel's hands"};
+    return {.name = "CPU frequency", .found = "not controlled by the kernel"};
   }
   if (governors == std::set<std::string>{"performance"}) {
     return {.name = "CPU frequency", .found = "performance"};
@@ -131,7 +132,7 @@ Finding look_at_governor(const fs::path& root) {
   return {.name = "CPU frequency",
           .level = Level::kProblem,
           .found = found,
-          .why = "a CPU that was idle is slow at first, so callbacks take several times as long",
+          .why = "an idle CPU starts at a low frequency, so callbacks take several times as long",
           .remedy =
               "echo performance | sudo tee "
               "/sys/devices/system/cpu/cpu*/cpufreq/scaling_governor"};
@@ -151,12 +152,12 @@ Finding look_at_idle_states(const fs::path& root) {
   if (deepest_us <= kMuch_us) {
     return {.name = "CPU sleep",
             .found = deepest_us > 0 ? fmt::format("at most {:.0f} µs to wake up", deepest_us)
-                                    : "not in the kernel's hands"};
+                                    : "not controlled by the kernel"};
   }
   return {.name = "CPU sleep",
           .level = Level::kAdvice,
           .found = fmt::format("up to {:.0f} µs to wake up", deepest_us),
-          .why = "is added to the latency of what wakes an idle CPU",
+          .why = "is added to the latency of each wake-up of an idle CPU",
           .remedy = fmt::format("sudo apt install linux-cpupower; sudo cpupower idle-set -D {:.0f}",
                                 kMuch_us)};
 }
@@ -174,7 +175,7 @@ Finding look_at_isolation(const fs::path& root) {
   return {.name = "isolated CPUs",
           .level = Level::kAdvice,
           .found = "none",
-          .why = "the kernel runs anything beside an executor's threads",
+          .why = "the kernel runs other threads on the CPUs of an executor",
           .remedy = "add `isolcpus=" + last + " nohz_full=" + last + " rcu_nocbs=" + last +
                     "` to GRUB_CMDLINE_LINUX in /etc/default/grub; sudo update-grub; reboot; then "
                     "\"cpus\": [" +
@@ -199,10 +200,10 @@ Finding look_at_quota(const fs::path& root) {
       return {.name = "CPU quota",
               .level = Level::kProblem,
               .found = fmt::format("{:.0f} of each {:.0f} ms", used_us / 1e3, period_us / 1e3),
-              .why = "when it is used up all threads stand still until the period is over",
+              .why = "when it is used up, all threads are suspended until the period ends",
               .remedy =
-                  "start the container without a limit of CPU time (--cpus), or give it CPUs "
-                  "of its own (--cpuset-cpus)"};
+                  "start the container without a CPU time limit (--cpus), or with dedicated CPUs "
+                  "(--cpuset-cpus)"};
     }
     if (folder == base || folder.string().size() <= base.string().size()) {
       break;
@@ -243,9 +244,9 @@ Finding look_at_clock(const fs::path& root) {
   return {.name = "clock",
           .level = Level::kProblem,
           .found = found,
-          .why = "each message asks for the time several times, and each time is a system call",
+          .why = "each message reads the clock several times, and each read is a system call",
           .remedy = has_tsc ? "echo tsc | sudo tee " + (folder / "current_clocksource").string()
-                            : "boot with `clocksource=tsc tsc=reliable`, if the machine's TSC is "
+                            : "boot with `clocksource=tsc tsc=reliable`, if the TSC is reliable "
                               "(flag constant_tsc in /proc/cpuinfo)"};
 }
 
@@ -261,7 +262,7 @@ Finding look_at_huge_pages(const fs::path& root) {
   return {.name = "huge pages",
           .level = Level::kAdvice,
           .found = mode,
-          .why = "the kernel moves pages together while an application uses them",
+          .why = "the kernel compacts memory while an application uses it",
           .remedy = "echo madvise | sudo tee " + file.string()};
 }
 
@@ -275,7 +276,7 @@ Finding look_at_swap(const fs::path& root) {
   return {.name = "swap",
           .level = Level::kAdvice,
           .found = line.substr(0, line.find_first_of(" \t")),
-          .why = "a page that went out is milliseconds away, unless memory is locked",
+          .why = "reading a swapped-out page takes milliseconds, unless memory is locked",
           .remedy = "sudo swapoff --all"};
 }
 
@@ -288,7 +289,7 @@ Finding look_at_load(const fs::path& root) {
   return {.name = "load",
           .level = Level::kAdvice,
           .found = fmt::format("{:.1f} on {:.0f} CPUs", *load, cpus),
-          .why = "other processes compute as well, and the times below are with them",
+          .why = "other processes are running and affect the times below",
           .remedy = "top -o %CPU"};
 }
 
@@ -333,10 +334,10 @@ Finding look_at_memory_lock() {
   return {.name = "memory lock",
           .level = Level::kProblem,
           .found = fmt::format("{} KiB", limit.rlim_cur / 1024),
-          .why = "pages that the kernel takes away are missing when they are needed",
+          .why = "the kernel may evict pages, which then have to be read again",
           .remedy =
-              "a line `@realtime - memlock unlimited` in /etc/security/limits.conf for a group "
-              "of yours; log in anew"};
+              "a line `@realtime - memlock unlimited` in /etc/security/limits.conf for one of your "
+              "groups; log in again"};
 }
 
 Finding look_at_affinity() {

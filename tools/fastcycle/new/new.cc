@@ -80,10 +80,10 @@ void check_name(const std::string& name) {
         name + "\"");
   }
   if (std::ranges::find(kCppKeywords, name) != kCppKeywords.end()) {
-    throw Refusal("\"" + name + "\" is a word of C++ itself; choose another name");
+    throw Refusal("\"" + name + "\" is a keyword of C++; choose another name");
   }
   if (std::ranges::find(kTakenNames, name) != kTakenNames.end() || name.ends_with("_t")) {
-    throw Refusal("\"" + name + "\" is the name of something else already; choose another one");
+    throw Refusal("\"" + name + "\" is already used; choose another name");
   }
   if (dlsym(RTLD_DEFAULT, name.c_str()) != nullptr) {
     throw Refusal("\"" + name +
@@ -221,9 +221,9 @@ struct Project {
 Project project_here() {
   Project project{.cmake = read("CMakeLists.txt"), .name = {}};
   if (project.cmake.find("find_package(FastCycle") == std::string::npos) {
-    throw Refusal(
-        "here is no project of FastCycle: " + fs::current_path().string() +
-        " has no CMakeLists.txt with find_package(FastCycle); `fastcycle new app NAME` makes one");
+    throw Refusal("this folder is not a FastCycle project: " + fs::current_path().string() +
+                  " has no CMakeLists.txt with find_package(FastCycle); `fastcycle new app NAME` "
+                  "creates one");
   }
   project.name = project_of(project.cmake).value_or("");
   return project;
@@ -232,7 +232,7 @@ Project project_here() {
 void refuse_target(const Project& project, const std::string& function, const std::string& name) {
   for (const char* const end : {" ", ")", "\n"}) {
     if (project.cmake.find(function + "(NAME " + name + end) != std::string::npos) {
-      throw Refusal("CMakeLists.txt has already " + function + "(NAME " + name + " …)");
+      throw Refusal("CMakeLists.txt already contains " + function + "(NAME " + name + " …)");
     }
   }
 }
@@ -298,8 +298,8 @@ void new_component(const std::string& name, const std::string& messages) {
   refuse_target(project, "fastcycle_component", name);
   if (!fs::exists("messages/" + package + "/value.proto")) {
     throw Refusal("there is no messages/" + package +
-                  "/value.proto, which the new component would speak; "
-                  "--messages NAME names another package");
+                  "/value.proto, the message type of the new component; --messages NAME selects "
+                  "another package");
   }
   Changes changes;
   changes.add_templates("component", "",
@@ -322,8 +322,10 @@ void new_component(const std::string& name, const std::string& messages) {
         entry);
   }
   print_to(stdout,
-           "\nIt listens to {}/value and publishes {}/value. Next:\n"
-           "  cmake --build build\n  ctest --test-dir build\n",
+           "\n"
+           "It subscribes to {}/value and publishes {}/value. Next:\n"
+           "  cmake --build build\n"
+           "  ctest --test-dir build\n",
            package, name);
   if (changed) {
     print_to(stdout, "  fastcycle run build/{} --for 2s\n",
@@ -340,11 +342,14 @@ void new_messages(const std::string& name) {
   changes.change("CMakeLists.txt", with_call(project.cmake, "fastcycle_messages",
                                              call_of_messages(name), "fastcycle_component"));
   changes.write();
-  print_to(stdout,
-           "\nA component that uses it names it in CMakeLists.txt, MESSAGES {}_messages, and has\n"
-           "  #include \"{}/value.pb.h\"\nor is begun with it:\n"
-           "  fastcycle new component NAME --messages {}\n",
-           name, name, name);
+  print_to(
+      stdout,
+      "\n"
+      "A component that uses it lists it in CMakeLists.txt, MESSAGES {}_messages, and contains\n"
+      "  #include \"{}/value.pb.h\"\n"
+      "or is created with it:\n"
+      "  fastcycle new component NAME --messages {}\n",
+      name, name, name);
 }
 
 template <typename Body>
@@ -359,13 +364,13 @@ int refusing(const std::string& word, const Body& body) {
 }
 
 Command add_new_app(CLI::App& group) {
-  CLI::App* line = group.add_subcommand("app", "Begin a project: a component, messages, a test");
+  CLI::App* line = group.add_subcommand("app", "Create a project: a component, messages, a test");
   line->footer(
       examples("  fastcycle new app speed\n"
                "\n"
-               "Makes the folder NAME here. It builds against the FastCycle that is installed.\n"));
+               "Creates the folder NAME here. It builds against the installed FastCycle.\n"));
   const auto name = std::make_shared<std::string>();
-  line->add_option("name", *name, "How it is called: small letters, digits, _")
+  line->add_option("name", *name, "Its name: lower-case letters, digits, _")
       ->required()
       ->type_name("NAME");
   return {line, [name] { return refusing("app", [&] { new_app(*name); }); }};
@@ -378,14 +383,14 @@ Command add_new_component(CLI::App& group) {
       examples("  fastcycle new component speed_limiter\n"
                "  fastcycle new component tracker --messages radar\n"
                "\n"
-               "Adds its three files, and it to CMakeLists.txt and to the application.\n"));
+               "Adds its three files, and entries to CMakeLists.txt and the application.\n"));
   const auto name = std::make_shared<std::string>();
   const auto messages = std::make_shared<std::string>();
-  line->add_option("name", *name, "How it is called: small letters, digits, _")
+  line->add_option("name", *name, "Its name: lower-case letters, digits, _")
       ->required()
       ->type_name("NAME");
   line->add_option("--messages", *messages,
-                   "What it listens to: PACKAGE/value; the project's, if not given")
+                   "The messages that it receives, PACKAGE/value (those of the project)")
       ->type_name("PACKAGE");
   return {line, [name, messages] {
             return refusing("component", [&] { new_component(*name, *messages); });
@@ -396,7 +401,7 @@ Command add_new_messages(CLI::App& group) {
   CLI::App* line = group.add_subcommand("messages", "Add a message package to the project here");
   line->footer(examples("  fastcycle new messages radar\n"));
   const auto name = std::make_shared<std::string>();
-  line->add_option("name", *name, "How it is called: small letters, digits, _")
+  line->add_option("name", *name, "Its name: lower-case letters, digits, _")
       ->required()
       ->type_name("NAME");
   return {line, [name] { return refusing("messages", [&] { new_messages(*name); }); }};
@@ -405,7 +410,7 @@ Command add_new_messages(CLI::App& group) {
 }  // namespace
 
 Command add_new(CLI::App& program) {
-  CLI::App* group = program.add_subcommand("new", "Begin a project of your own, or add to it");
+  CLI::App* group = program.add_subcommand("new", "Create a project, or add to it");
   group->require_subcommand(0, 1);
   group->footer(
       examples("  fastcycle new app speed\n"

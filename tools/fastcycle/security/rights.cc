@@ -118,7 +118,7 @@ std::string error_of(const RosRights& rights) {
        {&rights.publish, &rights.subscribe, &rights.serve, &rights.call, &rights.nodes}) {
     for (const std::string& name : *names) {
       if (const auto error = ros2::ros_name_error(name)) {
-        return fmt::format("\"{}\" is no name of ROS 2: {}", name, *error);
+        return fmt::format("\"{}\" is not a valid ROS 2 name: {}", name, *error);
       }
     }
   }

@@ -55,8 +55,8 @@ int init(const InitOptions& options) {
     return wrong("init", error.what());
   }
   print_to(stdout,
-           "{} has an authority of its own, and the rules of secured domains.\n"
-           "Whoever has {} can make participants: leave it on this machine.\n"
+           "{} contains a new certificate authority and the rules of secured domains.\n"
+           "Anyone with {} can create participants: keep it on this machine.\n"
            "Next, for the gateway of an application:\n"
            "  fastcycle security add {} NAME app.json\n",
            options.folder.string(), (options.folder / "private/ca.key.pem").string(),
@@ -82,8 +82,8 @@ const config::ComponentDescription* find_gateway(const config::ApplicationDescri
   sentence = !name.empty() ? fmt::format("{} has no component \"{}\"", file, name)
              : found.empty()
                  ? fmt::format("{} has no component of the library dds_gateway", file)
-                 : fmt::format("{} has several gateways: {}; --component NAME says which", file,
-                               fmt::join(names, ", "));
+                 : fmt::format("{} has several gateways: {}; select one with --component NAME",
+                               file, fmt::join(names, ", "));
   return nullptr;
 }
 
@@ -135,8 +135,10 @@ int add_participant(const AddOptions& options) {
     return wrong("add", error.what());
   }
   print_to(stdout,
-           "{} may, in the domain {}:\n  publish    {}\n  subscribe  {}\n"
-           "All that it needs is in {}\n"
+           "{} may, in the domain {}:\n"
+           "  publish    {}\n"
+           "  subscribe  {}\n"
+           "Its files are in {}\n"
            "  of a gateway, in its params:  \"security\": \"{}\"\n"
            "  of a node of ROS 2:           ROS_SECURITY_KEYSTORE={} ROS_SECURITY_ENABLE=true "
            "ROS_SECURITY_STRATEGY=Enforce, and --ros-args --enclave {}\n",
@@ -147,21 +149,21 @@ int add_participant(const AddOptions& options) {
 }
 
 void add_days(CLI::App& line, std::uint32_t& days) {
-  line.add_option("--days", days, "How long it is valid (3650)")
+  line.add_option("--days", days, "Validity in days (3650)")
       ->type_name("N")
       ->check(is_number_from(1, kDaysMax));
 }
 
 Command add_init(CLI::App& group) {
   CLI::App* line =
-      group.add_subcommand("init", "Make a keystore: an authority that vouches for participants");
+      group.add_subcommand("init", "Create a keystore: a certificate authority for participants");
   line->footer(
       examples("  fastcycle security init keys\n"
                "\n"
-               "It is laid out as that of ROS 2 is, and its README says what is where. What is\n"
-               "there already is never changed.\n"));
+               "It has the layout of a ROS 2 keystore, which its README describes. Existing files\n"
+               "are never changed.\n"));
   const auto options = std::make_shared<InitOptions>();
-  line->add_option("folder", options->folder, "The folder to make")->required()->type_name("DIR");
+  line->add_option("folder", options->folder, "The folder to create")->required()->type_name("DIR");
   add_days(*line, options->days);
   return {line, [options] { return init(*options); }};
 }
@@ -175,26 +177,26 @@ CLI::Option* add_repeatable(CLI::App& line, const char* name, std::vector<T>& va
 Command add_add(CLI::App& group) {
   CLI::App* line = group.add_subcommand(
       "add", "Add a participant to a keystore: its certificate, its key, its permissions");
-  line->footer(
-      examples("  fastcycle security add keys gateway app.json\n"
-               "  fastcycle security add keys talker --node talker --publish chatter --domain 42\n"
-               "\n"
-               "With an application, it is permitted what the params of the application's gateway\n"
-               "list, each topic in its direction, in their domain, and nothing else.\n"));
+  line->footer(examples(
+      "  fastcycle security add keys gateway app.json\n"
+      "  fastcycle security add keys talker --node talker --publish chatter --domain 42\n"
+      "\n"
+      "With an application, exactly the topics in the params of its gateway are permitted,\n"
+      "each in its direction and in their domain.\n"));
   const auto options = std::make_shared<AddOptions>();
   line->add_option("folder", options->folder, "The keystore")->required()->type_name("DIR");
-  line->add_option("name", options->name, "How the participant is called, as gateway or car/front")
+  line->add_option("name", options->name, "Name of the participant, as gateway or car/front")
       ->required()
       ->type_name("NAME");
   CLI::Option* const application =
       line->add_option("application", options->load.file, "The application's JSON file")
           ->type_name("FILE");
   line->add_option("--component", options->component,
-                   "Which of its components is the gateway; needed where there are several")
+                   "The component that is the gateway; required if there are several")
       ->type_name("NAME")
       ->needs(application);
   add_repeatable(*line, "--overlay", options->load.overlays, "FILE",
-                 "Merge this file over the application, in the order given. Repeatable")
+                 "Merge this overlay into the application, in the order given. Repeatable")
       ->needs(application);
   add_repeatable(*line, "--set", options->load.sets, "C.P=VALUE",
                  "Set param P of component C. Repeatable")
@@ -203,17 +205,17 @@ Command add_add(CLI::App& group) {
                  "Set a variable of the application, ${NAME}. Repeatable")
       ->needs(application);
   add_repeatable(*line, "--publish", options->more.publish, "TOPIC",
-                 "Permit to publish this topic of ROS 2. Repeatable");
+                 "Permit publishing this ROS 2 topic. Repeatable");
   add_repeatable(*line, "--subscribe", options->more.subscribe, "TOPIC",
-                 "Permit to subscribe to this topic of ROS 2. Repeatable");
+                 "Permit subscribing to this ROS 2 topic. Repeatable");
   add_repeatable(*line, "--serve", options->more.serve, "SERVICE",
-                 "Permit to answer this service of ROS 2. Repeatable");
+                 "Permit providing this ROS 2 service. Repeatable");
   add_repeatable(*line, "--call", options->more.call, "SERVICE",
-                 "Permit to call this service of ROS 2. Repeatable");
+                 "Permit calling this ROS 2 service. Repeatable");
   add_repeatable(*line, "--node", options->more.nodes, "NODE",
-                 "Permit what this node of ROS 2 has anyway: log, params, clock. Repeatable");
+                 "Permit the default topics of this ROS 2 node: log, params, clock. Repeatable");
   line->add_option("--domain", options->domain,
-                   "The domain that it is permitted in (0; an application says it itself)")
+                   "The permitted domain (that of the application, else 0)")
       ->type_name("N")
       ->check(is_number_from(0, dds_security::kDomainMax))
       ->excludes(application);
@@ -224,8 +226,8 @@ Command add_add(CLI::App& group) {
 }  // namespace
 
 Command add_security(CLI::App& program) {
-  CLI::App* group =
-      program.add_subcommand("security", "Say who may take part in DDS, and what each may do");
+  CLI::App* group = program.add_subcommand(
+      "security", "Manage the participants of a secured DDS domain and their permissions");
   group->require_subcommand(0, 1);
   group->footer(
       examples("  fastcycle security init keys\n"

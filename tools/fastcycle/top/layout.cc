@@ -172,10 +172,10 @@ void put_line(Screen& screen, int row, const Table& table, const std::vector<Pla
 }
 
 const char* nothing_text(const View& view) {
-  return !view.filter.empty()             ? "nothing matches the filter; Esc ends it"
-         : view.page == Page::kComponents ? "there are no components"
-         : view.page == Page::kTopics     ? "there are no topics"
-                                          : "there are no chains";
+  return !view.filter.empty()             ? "nothing matches the filter; Esc clears it"
+         : view.page == Page::kComponents ? "no components"
+         : view.page == Page::kTopics     ? "no topics"
+                                          : "no chains";
 }
 
 void put_table(Screen& screen, const Model& model, const View& view) {
@@ -217,16 +217,16 @@ std::vector<TextLine> help_lines(const Model& model, const View& view) {
     lines.push_back({{fmt::format("{:<14}", key), Tone::kStrong}, {meaning}});
   };
   lines.push_back({{"Keys", Tone::kStrong}});
-  add("Tab 1 2 3", "the next page, or this one");
+  add("Tab 1 2 3", "next page, or page 1, 2, 3");
   add("Up Down j k", "select a row; PgUp PgDn Home End");
-  add("Enter", "all of the selected row; Esc goes back");
+  add("Enter", "details of the selected row; Esc goes back");
   add("< > Left Right", "sort by another column");
-  add("r", "the other way round");
-  add("/", "show what contains a text; Esc ends it");
+  add("r", "reverse the sort order");
+  add("/", "filter by text; Esc clears it");
   add("Space", "pause, go on");
   add("q Ctrl-C", "the end");
   lines.emplace_back();
-  lines.push_back({{"Columns (- is: nothing to count, or not known)", Tone::kStrong}});
+  lines.push_back({{"Columns (-: nothing counted, or unknown)", Tone::kStrong}});
   for (const Heading& heading : table_of(model, view).headings) {
     add(heading.title, heading.meaning);
   }
@@ -358,7 +358,7 @@ std::vector<TextLine> detail_lines(const Model& model, const View& view) {
       chain != nullptr && view.page == Page::kChains) {
     return chain_lines(*chain);
   }
-  return {{{name + " is not there any more", Tone::kQuiet}}};
+  return {{{name + " no longer exists", Tone::kQuiet}}};
 }
 
 std::vector<TextLine> lines_of(const Model& model, const View& view) {

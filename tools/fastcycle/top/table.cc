@@ -92,20 +92,20 @@ std::string lower(std::string text) {
 Table component_table(const Model& model) {
   Table table;
   table.headings = {{"COMPONENT", "its name", 14, 0, true},
-                    {"STATE", "its state, or its health where that is not ok", 10, 0, true},
-                    {"EXECUTOR", "whose workers serve it", 9, 6, true},
-                    {"CPU%", "time within its callbacks, of one CPU", 5, 0, false},
+                    {"STATE", "state, or health if not ok", 10, 0, true},
+                    {"EXECUTOR", "executor that serves it", 9, 6, true},
+                    {"CPU%", "time in its callbacks, share of one CPU", 5, 0, false},
                     {"ACT/s", "activations a second", 6, 1, false},
                     {"P50", "callback time, median since the start", 6, 3, false},
-                    {"P99", "callback time, 99 of 100 are shorter", 6, 0, false},
+                    {"P99", "callback time, 99th percentile", 6, 0, false},
                     {"MAX", "callback time, longest", 6, 2, false},
-                    {"LATE99", "lateness of its timers, 99 of 100 are shorter", 7, 2, false},
-                    {"LATEMX", "lateness of its timers, longest", 7, 7, false},
-                    {"QUEUED", "messages that wait for it", 7, 5, false},
+                    {"LATE99", "lateness of its timers, 99th percentile", 7, 2, false},
+                    {"LATEMX", "lateness of its timers, maximum", 7, 7, false},
+                    {"QUEUED", "messages waiting for it", 7, 5, false},
                     {"OVERR", "ticks of its timers that were skipped", 6, 5, false},
                     {"FAULT", "exceptions and other faults", 6, 1, false},
                     {"RST", "restarts after a fault", 4, 2, false},
-                    {"REMARK", "what it says of its health, else its last fault", 16, 8, true}};
+                    {"REMARK", "reported health, else its last fault", 16, 8, true}};
   for (const ComponentRow& row : model.components) {
     table.lines.push_back(
         {row.name,
@@ -127,15 +127,15 @@ Table topic_table(const Model& model) {
       {"TOPIC", "its name", 18, 0, true},
       {"TYPE", "of its messages", 20, 9, true},
       {"RATE", "messages a second", 6, 0, false},
-      {"BYTES/s", "serialized size times rate, where a recorder or tool saw one", 8, 3, false},
+      {"BYTES/s", "serialized size times rate, if a recorder or tool measured it", 8, 3, false},
       {"P50", "latency to the callback of its slowest subscriber, median", 6, 2, false},
-      {"P99", "the same, 99 of 100 are shorter", 6, 0, false},
+      {"P99", "the same, 99th percentile", 6, 0, false},
       {"MAX", "the same, longest", 6, 5, false},
       {"SUBS", "subscribers", 4, 6, false},
-      {"QUEUE", "messages in its fullest queue / what that holds", 9, 1, false},
-      {"LOST", "messages dropped, all subscribers together", 6, 0, false},
+      {"QUEUE", "messages in its fullest queue / its depth", 9, 1, false},
+      {"LOST", "messages dropped, sum of all subscribers", 6, 0, false},
       {"LOST/s", "messages dropped a second", 7, 7, false},
-      {"REASONS", "what was dropped, by reason", 12, 1, true}};
+      {"REASONS", "drops, by reason", 12, 1, true}};
   for (const TopicRow& row : model.topics) {
     Field lost_now = optional_field(row.dropped_hz, rate_text);
     lost_now.tone = lost_now.number > 0 ? Tone::kBad : Tone::kQuiet;
@@ -156,18 +156,18 @@ Table topic_table(const Model& model) {
 Table chain_table(const Model& model) {
   Table table;
   table.headings = {{"CHAIN", "its name", 12, 0, true},
-                    {"FROM", "the topic it begins with", 12, 9, true},
-                    {"TO", "the topic it ends with", 12, 9, true},
-                    {"DEADLN", "how old a message may be at the end", 7, 1, false},
+                    {"FROM", "first topic", 12, 9, true},
+                    {"TO", "last topic", 12, 9, true},
+                    {"DEADLN", "maximum age of a message at the end", 7, 1, false},
                     {"P50", "age at the end, median since the start", 6, 3, false},
-                    {"P99", "age at the end, 99 of 100 are younger", 6, 0, false},
-                    {"MAX", "age at the end, oldest", 6, 2, false},
-                    {"COUNT", "messages that were judged", 6, 4, false},
-                    {"BREACH", "those that were too old", 7, 0, false},
+                    {"P99", "age at the end, 99th percentile", 6, 0, false},
+                    {"MAX", "age at the end, maximum", 6, 2, false},
+                    {"COUNT", "messages that were checked", 6, 4, false},
+                    {"BREACH", "messages that exceeded the maximum age", 7, 0, false},
                     {"BRCH/s", "the same, a second", 7, 5, false},
-                    {"ON", "what follows from a breach", 7, 7, true},
-                    {"DROPPED", "messages that were dropped therefore", 8, 6, false},
-                    {"CONTRIBUTOR", "the hop that most breaches are due to", 16, 0, true}};
+                    {"ON", "action on a breach", 7, 7, true},
+                    {"DROPPED", "messages dropped because of a breach", 8, 6, false},
+                    {"CONTRIBUTOR", "hop that causes most breaches", 16, 0, true}};
   for (const ChainRow& row : model.chains) {
     Field breaches_now = optional_field(row.breaches_hz, rate_text);
     breaches_now.tone = breaches_now.number > 0 ? Tone::kBad : Tone::kQuiet;

@@ -119,8 +119,8 @@ std::optional<std::string> show_until_end(std::unique_ptr<inspect::Client> clien
 int show_screen(std::unique_ptr<inspect::Client> client, milliseconds interval) {
   if (!top::Terminal::is_there()) {
     print_text(stderr,
-               "fastcycle top: standard input and output are no terminal that shows a screen\n"
-               "  --once prints how things are, and needs none\n");
+               "fastcycle top: standard input and output are not a usable terminal\n"
+               "  --once prints the current state without one\n");
     return kWrong;
   }
   const std::string name = client->welcome().application();
@@ -138,7 +138,7 @@ int show_screen(std::unique_ptr<inspect::Client> client, milliseconds interval) 
 int run_top(const TopOptions& options) {
   const std::optional<Duration> interval = parse_duration(options.interval);
   if (!interval || *interval < kShortest) {
-    print_to(stderr, "fastcycle top: --interval wants 100ms or more, such as 2s, not \"{}\"\n",
+    print_to(stderr, "fastcycle top: --interval expects 100ms or more, such as 2s, not \"{}\"\n",
              options.interval);
     return kWrong;
   }
@@ -161,20 +161,20 @@ int run_top(const TopOptions& options) {
 
 Command add_top(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "top", "Watch a running application: its components and topics, live in the terminal");
+      "top", "Monitor the components and topics of a running application in the terminal");
   line->footer(
       examples("  fastcycle top\n"
                "  fastcycle top --app rav4 --interval 500ms\n"
                "  fastcycle top --once\n"
                "  fastcycle top --json | jq '.topics[] | select(.dropped != {})'\n"));
   const auto options = std::make_shared<TopOptions>();
-  line->add_option("--app", options->application, "The application; else the only one that runs")
+  line->add_option("--app", options->application, "The running application (the only one)")
       ->type_name("NAME");
-  line->add_option("--interval", options->interval, "Time between two looks: 500ms, 2s")
+  line->add_option("--interval", options->interval, "Time between updates: 500ms, 2s")
       ->type_name("TIME")
       ->capture_default_str();
-  line->add_flag("--once", options->is_once, "Print how things are, and end: no screen");
-  line->add_flag("--json", options->is_json, "The same as one JSON document");
+  line->add_flag("--once", options->is_once, "Print the current state and exit");
+  line->add_flag("--json", options->is_json, "Print the current state as one JSON document");
   return {line, [options] { return run_top(*options); }};
 }
 
