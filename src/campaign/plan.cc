@@ -3,9 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+
+#include "config/fault_keys.h"
+#include "config/nearest.h"
+#include "config/problem.h"
 
 namespace fastcycle::campaign {
 namespace {
@@ -87,6 +93,8 @@ class Reader {
     }
     if (!fault.contains("kind")) {
       add_error(pointer, "the key \"kind\" is missing");
+    } else if (fault["kind"].is_string()) {
+      check_kind(fault, pointer);
     }
     if (!fault.contains("from_s")) {
       add_error(pointer,
@@ -95,6 +103,28 @@ class Reader {
   }
 
  private:
+  void check_kind(const ordered_json& fault, const std::string& pointer) {
+    const auto name = fault["kind"].get<std::string>();
+    const auto kind = config::fault_kind(name);
+    if (!kind) {
+      const std::vector<std::string> kinds = config::fault_kinds();
+      const std::string hint = config::did_you_mean(config::nearest(name, kinds));
+      add_error(pointer + "/kind",
+                fmt::format("expected one of \"{}\", found \"{}\"{}", fmt::join(kinds, "\", \""),
+                            name, hint.empty() ? "" : "; " + hint));
+      return;
+    }
+    // A run has "to_s" where a plan has "for_s".
+    const auto in_plan = [](const std::string& key) { return key == "to_s" ? "for_s" : key; };
+    const auto has = [&](const char* key) { return fault.contains(in_plan(key)); };
+    for (config::WrongKey& wrong : config::wrong_keys(*kind, has)) {
+      if (const auto place = wrong.message.find("\"to_s\""); place != std::string::npos) {
+        wrong.message.replace(place, 6, "\"for_s\"");
+      }
+      add_error(wrong.key.empty() ? pointer : pointer + "/" + in_plan(wrong.key), wrong.message);
+    }
+  }
+
   const std::string file_;
   std::vector<std::string>& errors_;
 };

@@ -6,6 +6,7 @@
 namespace fastcycle::campaign {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
@@ -63,7 +64,8 @@ TEST(Plan, DrawsWithinTheRanges) {
 TEST(Plan, ReportsEachErrorWithItsPlace) {
   std::vector<std::string> errors;
   EXPECT_FALSE(Plan::read(R"({"at_once": [3, 1], "fault": 1, "faults": [
-      3, {"kind": "drop", "from_s": "x", "topc": "a"}, {"from_s": [1, 2]}]})",
+      3, {"kind": "drop", "from_s": "x", "topc": "a"}, {"from_s": [1, 2]},
+      {"kind": "dorp", "from_s": 1}, {"kind": "suspend", "process": "p", "from_s": 1, "for_s": 2}]})",
                           "plan.json", errors));
 
   EXPECT_THAT(errors, ElementsAre(HasSubstr("plan.json: /at_once: expected a number of faults"),
@@ -71,7 +73,12 @@ TEST(Plan, ReportsEachErrorWithItsPlace) {
                                   HasSubstr("/faults/0: expected an object, found 3"),
                                   HasSubstr("/faults/1/from_s: expected a number, or a range"),
                                   HasSubstr("/faults/1/topc: unknown key \"topc\""),
-                                  HasSubstr("/faults/2: the key \"kind\" is missing")));
+                                  HasSubstr("/faults/1: \"drop\" needs the key \"topic\""),
+                                  HasSubstr("/faults/2: the key \"kind\" is missing"),
+                                  AllOf(HasSubstr("/faults/3/kind: expected one of \"drop\", "),
+                                        HasSubstr("found \"dorp\"; did you mean \"drop\"?")),
+                                  HasSubstr("/faults/4/for_s: a \"for_s\" has no meaning with the "
+                                            "kind \"suspend\"")));
   errors.clear();
   EXPECT_FALSE(Plan::read("{", "plan.json", errors));
   EXPECT_THAT(errors, ElementsAre(HasSubstr("plan.json: this is not JSON")));

@@ -1,10 +1,14 @@
 #include <algorithm>
+#include <cstdint>
+#include <iterator>
 #include <set>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "config/describe.h"
+#include "config/fault_keys.h"
 #include "config/nearest.h"
 
 namespace fastcycle::config {
@@ -54,14 +58,9 @@ class FaultSense {
     if (kind == nullptr || !kind->is_string() || kind->as_string() != to_string(fault_.kind)) {
       return;  // An error already; what else it needs is unknown.
     }
-    for (const Key& key : keys()) {
-      const bool is_there = written_.find(key.name) != nullptr;
-      if (!is_there && key.needed.contains(fault_.kind)) {
-        add("", in_quotes(to_string(fault_.kind)) + " needs the key " + in_quotes(key.name));
-      } else if (is_there && !key.kinds.contains(fault_.kind)) {
-        add(key.name, "a " + in_quotes(key.name) + " has no meaning with the kind " +
-                          in_quotes(to_string(fault_.kind)));
-      }
+    const auto has = [this](const char* key) { return written_.find(key) != nullptr; };
+    for (WrongKey& wrong : wrong_keys(fault_.kind, has)) {
+      add(wrong.key, std::move(wrong.message));
     }
     if (fault_.to && *fault_.to <= fault_.from) {
       add("to_s", "\"to_s\" has to be greater than \"from_s\"");
@@ -107,6 +106,40 @@ class FaultSense {
 };
 
 }  // namespace
+
+std::vector<std::string> fault_kinds() {
+  std::vector<std::string> names;
+  for (auto kind = std::uint8_t{0}; kind <= static_cast<std::uint8_t>(FaultKind::kSuspend);
+       ++kind) {
+    names.emplace_back(to_string(static_cast<FaultKind>(kind)));
+  }
+  return names;
+}
+
+std::optional<FaultKind> fault_kind(std::string_view name) {
+  const std::vector<std::string> names = fault_kinds();
+  const auto found = std::ranges::find(names, name);
+  return found == names.end()
+             ? std::nullopt
+             : std::optional(static_cast<FaultKind>(std::distance(names.begin(), found)));
+}
+
+std::vector<WrongKey> wrong_keys(FaultKind kind, const std::function<bool(const char*)>& has) {
+  std::vector<WrongKey> wrong;
+  for (const Key& key : keys()) {
+    const bool is_there = has(key.name);
+    if (!is_there && key.needed.contains(kind)) {
+      wrong.push_back(
+          {.key = "",
+           .message = in_quotes(to_string(kind)) + " needs the key " + in_quotes(key.name)});
+    } else if (is_there && !key.kinds.contains(kind)) {
+      wrong.push_back({.key = key.name,
+                       .message = "a " + in_quotes(key.name) + " has no meaning with the kind " +
+                                  in_quotes(to_string(kind))});
+    }
+  }
+  return wrong;
+}
 
 void check_faults(const ApplicationDescription& application, Problems& problems) {
   const Value* faults = application.effective.find("faults");

@@ -224,6 +224,10 @@ class Application final : public ApplicationHost {
   [[nodiscard]] Lifecycle& threads() override { return lifecycle_; }
   [[nodiscard]] const Modes& modes() const { return modes_; }
   [[nodiscard]] const Chains& chains() const { return chains_; }
+  /// All chains; in the main process with those that end in another process. Safe.
+  [[nodiscard]] std::vector<ChainReport> chains_of_all_processes() const {
+    return peer_news_.chains();
+  }
   [[nodiscard]] const ParamChanges& params() const { return params_; }
   [[nodiscard]] ParamMutex& param_mutex() override { return params_.mutex(); }
   [[nodiscard]] detail::LogQueue& log_queue() override { return log_queue_; }
@@ -341,7 +345,7 @@ class Application final : public ApplicationHost {
   Modes modes_{*this};
   Chains chains_{*this, wiring_, modes_};
   StatusSender status_{*driver_};
-  PeerNews peer_news_{*this, wiring_};
+  PeerNews peer_news_{*this, wiring_, chains_};
   PeerLog peer_log_{*this};
   LifeChanges life_changes_{*this};
   FollowerNews follower_news_;

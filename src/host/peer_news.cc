@@ -79,6 +79,33 @@ FiguresElsewhere::Subscription subscription_from(const json& said) {
   return subscription;
 }
 
+json to_json(const ChainReport& chain) {
+  json hops = json::array();
+  for (const HopReport& hop : chain.hops) {
+    hops.push_back({hop.component, hop.topic, to_json(hop.waiting), to_json(hop.running),
+                    hop.breaches_by_waiting, hop.breaches_by_running});
+  }
+  return {{"name", chain.name},       {"count", chain.count},      {"breaches", chain.breaches},
+          {"dropped", chain.dropped}, {"age", to_json(chain.age)}, {"hops", std::move(hops)}};
+}
+
+ChainReport chain_from(const json& said) {
+  ChainReport chain{.name = said.at("name"),
+                    .count = said.at("count"),
+                    .breaches = said.at("breaches"),
+                    .dropped = said.at("dropped"),
+                    .age = summary_from(said.at("age"))};
+  for (const json& hop : said.at("hops")) {
+    chain.hops.push_back({.component = hop.at(0),
+                          .topic = hop.at(1),
+                          .waiting = summary_from(hop.at(2)),
+                          .running = summary_from(hop.at(3)),
+                          .breaches_by_waiting = hop.at(4),
+                          .breaches_by_running = hop.at(5)});
+  }
+  return chain;
+}
+
 json to_json(const detail::VersionNews& version) {
   return {{"library", shortened(version.library)},
           {"build_id", shortened(version.build_id)},
@@ -115,6 +142,10 @@ std::string to_text(const ComponentNews& news, bool has_figures) {
     said["subscriptions"] = json::array();
     for (const auto& subscription : news.elsewhere->subscriptions) {
       said["subscriptions"].push_back(to_json(subscription));
+    }
+    said["chain_reports"] = json::array();
+    for (const ChainReport& chain : news.elsewhere->chains) {
+      said["chain_reports"].push_back(to_json(chain));
     }
   }
   return said.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -157,6 +188,10 @@ std::optional<ComponentNews> news_from(const std::string& text, const ComponentN
       elsewhere.subscriptions.clear();
       for (const json& one : said.at("subscriptions")) {
         elsewhere.subscriptions.push_back(subscription_from(one));
+      }
+      elsewhere.chains.clear();
+      for (const json& chain : said.at("chain_reports")) {
+        elsewhere.chains.push_back(chain_from(chain));
       }
     }
     return news;
@@ -279,9 +314,13 @@ void PeerNews::send(Its& its) {
 /// Of all components here.
 void PeerNews::take_figures() {
   std::map<std::string, std::vector<FiguresElsewhere::Subscription>> found;
-  wiring_.look([&found](const detail::Topics& topics) {
+  std::map<std::string, std::string> judges;  // By topic: the first of those that judge chains.
+  wiring_.look([&](const detail::Topics& topics) {
     for (const auto& [name, topic] : topics.all()) {
       for (const auto& one : topic->subscriptions) {
+        if (one->chain_end != nullptr) {
+          judges.emplace(name, one->component);
+        }
         found[one->component].push_back({.topic = name,
                                          .kind = to_word(one->kind),
                                          .depth = one->depth,
@@ -291,6 +330,12 @@ void PeerNews::take_figures() {
       }
     }
   });
+  std::map<std::string, std::vector<ChainReport>> chains;
+  for (ChainReport& chain : chains_.report()) {
+    if (const auto judge = judges.find(chain.to); chain.count > 0 && judge != judges.end()) {
+      chains[judge->second].push_back(std::move(chain));
+    }
+  }
   const std::lock_guard lock(mutex_);
   for (Its& its : its_) {
     const ComponentCore& core = *application_.components()[its.news.component];
@@ -300,6 +345,7 @@ void PeerNews::take_figures() {
     if (!its.news.elsewhere) {
       its.news.elsewhere.emplace();
     }
+    its.news.elsewhere->chains = std::move(chains[core.name]);
     its.news.elsewhere->callback = core.statistics.callback.summary();
     its.news.elsewhere->lateness = core.statistics.lateness.summary();
     its.news.elsewhere->subscriptions = std::move(found[core.name]);
@@ -432,6 +478,30 @@ void PeerNews::process_has_ended(const Notice& notice) {
       on_lost(*component, what);
     }
   }
+}
+
+std::vector<ChainReport> PeerNews::chains() const {
+  std::vector<ChainReport> all = chains_.report();
+  if (!has_begun_.load(std::memory_order_acquire)) {
+    return all;
+  }
+  const std::lock_guard lock(mutex_);
+  for (const Its& its : its_) {
+    if (!its.news.elsewhere) {
+      continue;
+    }
+    for (const ChainReport& chain : its.news.elsewhere->chains) {
+      const auto known = std::ranges::find(all, chain.name, &ChainReport::name);
+      if (known != all.end() && chain.count > known->count) {  // It is judged where it ends.
+        known->count = chain.count;
+        known->breaches = chain.breaches;
+        known->dropped = chain.dropped;
+        known->age = chain.age;
+        known->hops = chain.hops;
+      }
+    }
+  }
+  return all;
 }
 
 detail::VersionNews PeerNews::version_of(std::uint32_t component) const {

@@ -9,6 +9,7 @@
 #include "base/priority_mutex.h"
 #include "component/peers.h"
 #include "host/status_news.h"
+#include "modes/chains.h"
 
 namespace fastcycle::host {
 
@@ -24,8 +25,8 @@ class Wiring;
 ///           documented in `Peers`.
 class PeerNews {
  public:
-  PeerNews(ApplicationHost& application, const Wiring& wiring)
-      : application_(application), wiring_(wiring) {}
+  PeerNews(ApplicationHost& application, const Wiring& wiring, const Chains& chains)
+      : application_(application), wiring_(wiring), chains_(chains) {}
 
   /// In the main process: receives the state of the others. Set before the start.
   std::function<void(const ComponentNews&)> on_news;
@@ -49,6 +50,9 @@ class PeerNews {
   void take(const Notice& notice);
   /// In the main process: the version of a component in another one. Safe.
   [[nodiscard]] detail::VersionNews version_of(std::uint32_t component) const;
+  /// In the main process: all chains, with the results of those that end in another one, which are
+  /// at most 100 ms old and begin anew with that process. Safe.
+  [[nodiscard]] std::vector<ChainReport> chains() const;
 
  private:
   /// One component.
@@ -73,6 +77,7 @@ class PeerNews {
 
   ApplicationHost& application_;
   const Wiring& wiring_;
+  const Chains& chains_;
   mutable base::PriorityMutex mutex_;
   std::vector<Its> its_;  ///< By component; constant in size once it has begun.
   std::atomic<bool> has_begun_{false};

@@ -13,6 +13,7 @@
 #include "component/component_state.h"
 #include "component/versions.h"
 #include "fastcycle/component.h"
+#include "modes/chains.h"
 
 namespace fastcycle::detail {
 class ComponentCore;
@@ -42,6 +43,7 @@ struct FiguresElsewhere {
   base::HistogramSummary callback = {};  ///< Nanoseconds, as the next one.
   base::HistogramSummary lateness = {};
   std::vector<Subscription> subscriptions = {};
+  std::vector<ChainReport> chains = {};  ///< Those that end at it, without their settings.
 };
 
 /// Results of a latency chain at one component where it ends.

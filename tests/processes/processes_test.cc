@@ -920,6 +920,40 @@ TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
                         "subscribe in the constructor"));
 }
 
+TEST_F(ComponentsInProcesses, HaveLatencyChainsThatToolsShowWhereverTheyEnd) {
+  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
+  test::ProcessOptions watched =
+      options(application(R"("process": "relaying")",
+                          R"("chains": [{"name": "whole", "from": "readings", "to": "relayed",
+                                 "deadline_ms": 1000}], )",
+                          1'000'000),
+              {"--inspect", "--isolate", "all"});
+  watched.environment = environment;
+  Process run(watched);
+  json shown;
+  const auto end = std::chrono::steady_clock::now() + Process::kLongest;
+  while (shown.value("count", 0) < 20 && std::chrono::steady_clock::now() < end) {
+    Process asked({.program = FASTCYCLE_PROGRAM,
+                   .arguments = {"chain", "whole", "--json", "--app", "several"},
+                   .folder = folder_.path(),
+                   .environment = environment});
+    const int code = asked.wait().exit_code;
+    const json said = json::parse(code == 0 ? asked.output() : "[]", nullptr, false);
+    shown = said.is_array() && !said.empty() ? said[0] : json::object();
+    std::this_thread::sleep_for(20ms);
+  }
+  run.send(SIGINT);
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_GE(shown.value("count", 0), 20) << shown;
+  ASSERT_EQ(shown["hops"].size(), 3) << shown;
+  EXPECT_EQ(shown["hops"][1]["component"], "relay");
+  EXPECT_EQ(shown["hops"][1]["topic"], "relayed");
+  EXPECT_EQ(shown["hops"][2]["component"], "sink");
+  EXPECT_GT(shown["age_us"]["p50"], 0.0);
+  EXPECT_EQ(report()["chains"][0]["hops"].size(), shown["hops"].size()) << report()["chains"];
+}
+
 TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
   const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   test::ProcessOptions watched =

@@ -512,8 +512,9 @@ int run_application(const config::ApplicationDescription& description,
       });
     }
     if (!description.chains.empty()) {
-      inspection->offer("chains",
-                        [&application] { return to_json(application.chains().report()).dump(); });
+      inspection->offer("chains", [&application] {
+        return to_json(application.chains_of_all_processes()).dump();
+      });
     }
   }
   if (shown) {
