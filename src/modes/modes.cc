@@ -383,7 +383,7 @@ void Modes::set_mode(Time stamp) {
   }
   std::string text = "mode \"" + made.from + "\" → \"" + made.to + "\"";
   if (!made.by.empty()) {
-    text += ", asked for by " + made.by;
+    text += ", requested by " + made.by;
   }
   if (!made.why.empty()) {
     text += ": " + made.why;

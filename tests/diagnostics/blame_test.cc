@@ -353,8 +353,8 @@ TEST_F(Blame, ADestructorThatHangsKeepsNoRunFromEnding) {
   for (const std::string how : {"loop", "joins"}) {
     write_application(how, "destructor");
     EXPECT_EQ(run({"--for", "1s"}), 1) << errors_;
-    EXPECT_THAT(errors_, HasSubstr("fastcycle run: component \"mine\" has not come back from its "
-                                   "destructor, which stands in "));
+    EXPECT_THAT(errors_, HasSubstr("fastcycle run: component \"mine\" has not returned from its "
+                                   "destructor, currently in "));
     EXPECT_THAT(errors_, HasSubstr("the process ends without waiting for it"));
   }
 }
@@ -367,8 +367,8 @@ TEST_F(Blame, AConstructorThatHangsKeepsNoRunFromEnding) {
   ASSERT_TRUE(program.wait_for("it stands in")) << program.errors();
   program.send(SIGINT);
   EXPECT_EQ(program.wait().exit_code, 1);
-  EXPECT_THAT(program.errors(), HasSubstr("component \"mine\" has not come back from its "
-                                          "constructor, which stands in broken::spin+0x"));
+  EXPECT_THAT(program.errors(), HasSubstr("component \"mine\" has not returned from its "
+                                          "constructor, currently in broken::spin+0x"));
 }
 
 TEST_F(Blame, AHangIsReportedInSimulatedTimeByTheMachinesClock) {

@@ -156,7 +156,7 @@ TEST_P(LauncherOnSignal, RunEndsInOrderWithReport) {
   program.send(GetParam());
 
   EXPECT_EQ(take(program), 0);
-  EXPECT_THAT(errors_, HasSubstr("stopping… (Ctrl-C again ends at once)"));
+  EXPECT_THAT(errors_, HasSubstr("stopping… (Ctrl-C again ends immediately)"));
   EXPECT_THAT(output_, HasSubstr("stopped on request"));
   const json report = this->report();
   EXPECT_EQ(report["end"], "stopped on request");
@@ -257,7 +257,7 @@ TEST_P(LauncherWithAHangingComponent, EndsOnTheFirstSignalAndNamesIt) {
   const std::string call = std::string_view(GetParam()) == "callback"
                                ? "its callback for \"numbers\""
                                : std::string("its ") + GetParam() + "()";
-  EXPECT_THAT(errors_, HasSubstr("component \"trouble\" has not come back from " + call));
+  EXPECT_THAT(errors_, HasSubstr("component \"trouble\" has not returned from " + call));
   const json report = this->report();
   EXPECT_EQ(report["components"]["trouble"]["state"], "stuck");
   EXPECT_EQ(report["components"]["adder"]["state"], "stopped");
@@ -275,7 +275,7 @@ TEST_F(Launcher, EndsWhileAStartHangs) {
 
   EXPECT_EQ(take(program), 1) << errors_;
 
-  EXPECT_THAT(errors_, HasSubstr("component \"trouble\" has not come back from its start()"));
+  EXPECT_THAT(errors_, HasSubstr("component \"trouble\" has not returned from its start()"));
   EXPECT_EQ(report()["end"], "stopped on request");
   EXPECT_EQ(report()["components"]["counter"]["state"], "constructed");
 }
@@ -479,15 +479,15 @@ TEST_F(Launcher, WrongCommandLineIsReportedInASentence) {
       {{"run"}, "application is required"},
       {{"run", app, "other.json"}, "unexpected argument \"other.json\""},
       {{"run", app, "--reprot=x"}, "unknown option --reprot; did you mean \"--report\"?"},
-      {{"run", app, "--for", "10"}, "--for wants a time above zero with its unit"},
-      {{"run", app, "--for", "0s"}, "--for wants a time above zero with its unit"},
-      {{"run", app, "--for", "-1s"}, "--for wants a time above zero with its unit"},
+      {{"run", app, "--for", "10"}, "--for expects a time above zero with its unit"},
+      {{"run", app, "--for", "0s"}, "--for expects a time above zero with its unit"},
+      {{"run", app, "--for", "-1s"}, "--for expects a time above zero with its unit"},
       {{"run", app, "--clock", "sun"}, "--clock is \"live\" or \"simulated\", not \"sun\""},
-      {{"run", app, "--clock", "simulated", "--rate", "2"}, "--rate is for the clock \"live\""},
-      {{"run", app, "--workers", "2"}, "--workers is for --clock simulated"},
-      {{"run", app, "--clock", "simulated", "--workers", "0"}, "--workers wants a number"},
-      {{"run", app, "--rate", "0"}, "--rate wants a number"},
-      {{"run", app, "--rate", "nan"}, "--rate wants a number"},
+      {{"run", app, "--clock", "simulated", "--rate", "2"}, "--rate requires --clock live"},
+      {{"run", app, "--workers", "2"}, "--workers requires --clock simulated"},
+      {{"run", app, "--clock", "simulated", "--workers", "0"}, "--workers expects a number"},
+      {{"run", app, "--rate", "0"}, "--rate expects a number"},
+      {{"run", app, "--rate", "nan"}, "--rate expects a number"},
       {{"run", app, "--rate", "fast"}, "--rate expects a number, found \"fast\""},
       {{"run", app, "--workers", "1.5"},
        "--workers expects a whole number, not below 0, found \"1.5\""},

@@ -560,7 +560,7 @@ TEST_F(ComponentsInProcesses, SwitchModesTogether) {
   EXPECT_EQ(said["modes"]["switches"][0]["by"], "steering");
   EXPECT_EQ(said["modes"]["switches"][0]["why"], "it was asked to");
   EXPECT_EQ(said["modes"]["switches"][1]["to"], "nominal");
-  EXPECT_THAT(run.errors(), HasSubstr("mode \"nominal\" → \"degraded\", asked for by steering"));
+  EXPECT_THAT(run.errors(), HasSubstr("mode \"nominal\" → \"degraded\", requested by steering"));
   // The relay, in one process, had left before the spare, in another one, joined.
   EXPECT_GT(said["results"].value("first_of_spare", 0), 30);
   EXPECT_LT(said["results"].value("last_of_spare", 400), 400);

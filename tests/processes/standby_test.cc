@@ -323,7 +323,7 @@ TEST_F(AShadow, IsReportedAsMissingInSimulatedTime) {
 
   EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
 
-  EXPECT_THAT(run.errors(), HasSubstr("in simulated time nothing has a standby or a shadow"));
+  EXPECT_THAT(run.errors(), HasSubstr("simulated time does not support standbys and shadows"));
 }
 
 TEST_F(AShadow, ThatEndsLeavesTheOthersAlone) {

@@ -231,11 +231,11 @@ TEST_F(Replay, ErrorsAreReportedBeforeAnythingStarts) {
       {{"run", path("app.json"), "--replay", "a.mcap", "--replay-into", "ader"},
        "there is no component \"ader\"; did you mean \"adder\"?"},
       {{"run", path("app.json"), "--replay-into", "adder"}, "--replay FILE"},
-      {{"play", path("app.json")}, "wants recordings and, behind them, an application"},
+      {{"play", path("app.json")}, "expects recordings, followed by an application"},
       {{"play", "a.mcap", path("app.json"), "--topics", "other/*"}, "there is nothing to feed"},
       {{"play", "a.mcap", path("app.json"), "--remap", "numbers"}, "--remap expects OLD:=NEW"},
       {{"play", "a.mcap", path("app.json"), "--start", "2", "--end", "1"}, "--end must be after"},
-      {{"play", "a.mcap", path("app.json"), "--rate", "0"}, "--rate wants"}};
+      {{"play", "a.mcap", path("app.json"), "--rate", "0"}, "--rate expects"}};
   for (const auto& [words, text] : cases) {
     EXPECT_EQ(fastcycle(words), 2) << words.back();
     EXPECT_THAT(errors_, HasSubstr(text));

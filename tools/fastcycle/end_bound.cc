@@ -73,7 +73,7 @@ void EndBound::end_if_stuck() const {
                              call.time > component->hang.lifecycle_limit);
     if (is_bounded) {
       print_to(stderr,
-               "fastcycle {}: component \"{}\" has not come back from {}, which stands in {}; the "
+               "fastcycle {}: component \"{}\" has not returned from {}, currently in {}; the "
                "process ends without waiting for it\n",
                command_, call.actor->name, call.call, call.place());
       std::fflush(stderr);

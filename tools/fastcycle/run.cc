@@ -95,7 +95,7 @@ constexpr double kMaxRate = 1e3;
 /// Reports options that contradict each other; empty if none do.
 std::string find_wrong(const RunOptions& options) {
   if (!options.limit.empty() && !parse_duration(options.limit)) {
-    return "--for wants a time above zero with its unit, as 500ms, 10s, 2min or 1h, and not \"" +
+    return "--for expects a time above zero with its unit, as 500ms, 10s, 2min or 1h, and not \"" +
            options.limit + "\"";
   }
   if (options.clock != "live" && options.clock != "simulated") {
@@ -103,18 +103,17 @@ std::string find_wrong(const RunOptions& options) {
   }
   const bool is_simulated = options.clock == "simulated";
   if (is_simulated && options.rate) {
-    return "--rate is for the clock \"live\": simulated time runs as fast as the components "
-           "compute";
+    return "--rate requires --clock live; simulated time runs as fast as the components compute";
   }
   if (!is_simulated && options.workers) {
-    return "--workers is for --clock simulated: with the clock \"live\" the application's "
-           "\"executors\" say it";
+    return "--workers requires --clock simulated; with the clock \"live\", the application's "
+           "\"executors\" define the workers";
   }
   if (options.rate && !(*options.rate >= kMinRate && *options.rate <= kMaxRate)) {
-    return "--rate wants a number from 0.001 to 1000";
+    return "--rate expects a number from 0.001 to 1000";
   }
   if (!(options.play_rate >= kMinRate && options.play_rate <= kMaxRate)) {
-    return "--rate wants a number from 0.001 to 1000";
+    return "--rate expects a number from 0.001 to 1000";
   }
   for (const std::string& sentence : {options.record.find_wrong(), options.replay.find_wrong()}) {
     if (!sentence.empty()) {
@@ -122,7 +121,7 @@ std::string find_wrong(const RunOptions& options) {
     }
   }
   if (options.workers && (*options.workers == 0 || *options.workers > kMaxWorkers)) {
-    return "--workers wants a number from 1 to " + std::to_string(kMaxWorkers);
+    return "--workers expects a number from 1 to " + std::to_string(kMaxWorkers);
   }
   return {};
 }
@@ -187,9 +186,8 @@ class PlayControl final : public inspect::PlaybackControl {
     using Control = inspect::protocol::ControlPlayback;
     if (control.has_seek()) {
       throw inspect::Refusal(inspect::protocol::Error::KIND_REFUSED,
-                             "the recording is played into components, which cannot go to "
-                             "another time",
-                             "fastcycle view LOG shows a recording, and can");
+                             "the recording is played into components, which cannot seek",
+                             "use fastcycle view LOG to show a recording and seek in it");
     }
     if (control.speed() > 0) {
       pace_.set_rate(std::clamp(control.speed(), kMinRate, kMaxRate));
@@ -366,7 +364,7 @@ std::string carry_out(host::Application& application, const RunOptions& options,
 [[noreturn]] void leave(const std::vector<host::StuckCall>& stuck, const char* command) {
   for (const host::StuckCall& one : stuck) {
     print_to(stderr,
-             "fastcycle {}: component \"{}\" has not come back from {}; the process ends without "
+             "fastcycle {}: component \"{}\" has not returned from {}; the process ends without "
              "waiting for it\n",
              command, one.component, one.call);
   }
@@ -418,11 +416,12 @@ std::string text_of(const trace::TraceReport& trace) {
                                  trace.slices, trace.flows, static_cast<double>(trace.bytes) / 1e6,
                                  trace.lost() == 0 ? "nothing lost" : "with losses", trace.file);
   if (!trace.problem.empty()) {
-    text += "  not all could be written: " + trace.problem + "\n";
+    text += "  incomplete: " + trace.problem + "\n";
   }
   if (trace.lost() > 0) {
     text += fmt::format(
-        "  lost: {} activations that came too fast, {} events without room, {} drops and faults\n",
+        "  lost: {} activations that exceeded the rate, {} events without space, {} drops and "
+        "faults\n",
         trace.activations_lost, trace.events_lost, trace.notes_lost);
   }
   return text;
@@ -530,7 +529,7 @@ int run_application(const config::ApplicationDescription& description,
     stop_signals.emplace(
         signals,
         [&] {
-          progress.print("stopping… (Ctrl-C again ends at once)");
+          progress.print("stopping… (Ctrl-C again ends immediately)");
           application.request_end(host::EndReason::kRequested);
           if (role != nullptr && role->clock == nullptr) {
             // A process that hangs keeps this one from coming to the end of a round.
@@ -540,7 +539,7 @@ int run_application(const config::ApplicationDescription& description,
         },
         [&] {
           if (!application.dump("signal")) {
-            progress.print("SIGUSR1 asks for a dump, but there is no flight recorder");
+            progress.print("SIGUSR1 requests a dump, but there is no flight recorder");
           }
         });
   }
@@ -583,7 +582,8 @@ int run_application(const config::ApplicationDescription& description,
   }
   if (options.is_played && role == nullptr && TerminalModes::are_there()) {
     if (!options.is_quiet) {
-      progress.print("keys: space pauses, . or s makes one step, + and - change the rate, q ends");
+      progress.print(
+          "keys: space pauses, . or s executes one step, + and - change the rate, q ends");
     }
     keys.emplace([&](char key) { obey(key, pace, application); });
   }
@@ -637,7 +637,7 @@ int run_application(const config::ApplicationDescription& description,
     obstacle = put_report(host::to_json(report), host::to_table(report), options, report_file);
   }
   if (options.is_quiet && tracer != nullptr && !tracer->report().problem.empty()) {
-    print_to(stderr, "fastcycle {}: the trace is not whole: {}\n", options.command,
+    print_to(stderr, "fastcycle {}: the trace is incomplete: {}\n", options.command,
              tracer->report().problem);
   }
   const auto has_faulted = [](const host::ComponentReport& component) {
@@ -751,7 +751,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
   if (std::string_view(FASTCYCLE_SANITIZER) == "none" && threads_of_this_process() > 1) {
     print_problem(
         "a component library starts a thread when it is loaded, and a process with threads cannot "
-        "make others; start it in the component's start()");
+        "fork; start the thread in the component's start()");
     return kWrong;
   }
   segment::Segments segments;
@@ -780,7 +780,7 @@ int run_processes(const config::ApplicationDescription& description, const host:
     }
     // The libraries are loaded, no component was made, and there is one thread.
     if (const auto refused = restrict(plan.description_of(process))) {
-      print_problem(fmt::format("process \"{}\" gets no sandbox: {}; {}", plan.name(process),
+      print_problem(fmt::format("process \"{}\" cannot be sandboxed: {}; {}", plan.name(process),
                                 refused->what, refused->remedy));
       return kWrong;
     }
@@ -854,9 +854,7 @@ int run(const RunOptions& options) {
         static_cast<LogLevel>(std::ranges::find(words, options.log_level) - words.begin());
   }
   if (options.record.has_settings() && !options.record.describe(description)) {
-    return wrong(
-        "--record-topics and --record-compression say how --record FILE records, which is "
-        "missing");
+    return wrong("--record-topics and --record-compression require --record FILE");
   }
   if (const std::string sentence = options.flight_recorder.find_wrong(description);
       !sentence.empty()) {
@@ -882,11 +880,10 @@ int run(const RunOptions& options) {
   const bool has_standbys =
       std::ranges::any_of(description.processes, &config::ProcessDescription::has_standby);
   if (is_simulated && (has_standbys || !description.shadows.empty())) {
-    print_to(
-        stderr,
-        "fastcycle {}: in simulated time nothing has a standby or a shadow; `fastcycle compare` "
-        "executes a recorded drive with another library\n",
-        options.command);
+    print_to(stderr,
+             "fastcycle {}: simulated time does not support standbys and shadows; `fastcycle "
+             "compare` executes a recorded drive with another library\n",
+             options.command);
   }
   const bool has_shadows = !description.shadows.empty() && !is_simulated;
   if (description.processes.empty() && !has_shadows) {
@@ -899,7 +896,7 @@ int run(const RunOptions& options) {
 int play(RunOptions& options) {
   std::vector<std::filesystem::path>& files = options.replay.files;
   if (files.size() < 2) {
-    print_text(stderr, "fastcycle play: wants recordings and, behind them, an application\n");
+    print_text(stderr, "fastcycle play: expects recordings, followed by an application\n");
     return kWrong;
   }
   options.configuration.load.file = files.back();
@@ -909,68 +906,69 @@ int play(RunOptions& options) {
 
 /// How time passes, of `run` and `record`.
 void add_clock_options(CLI::App& line, RunOptions& options) {
-  line.add_option("--clock", options.clock,
-                  "The machine's clock, or one as fast as the components compute")
+  line.add_option(
+          "--clock", options.clock,
+          "The machine's clock, or simulated time, which runs as fast as the components compute")
       ->type_name("live|simulated");
-  line.add_option("--rate", options.rate, "Live only: let time run this many times as fast")
-      ->type_name("X");
+  line.add_option("--rate", options.rate, "Live only: speed factor of time")->type_name("X");
 }
 
 /// The common options of all commands that run an application.
 void add_options(CLI::App& line, RunOptions& options) {
   options.configuration.add_to(line);
-  line.add_option("--for", options.limit,
-                  "End after this much of the application's time: 500ms, 10s, 2min, 1h")
+  line.add_option("--for", options.limit, "End after this application time: 500ms, 10s, 2min, 1h")
       ->type_name("TIME");
   line.add_option("--workers", options.workers,
-                  options.is_played ? "Threads; the result does not depend on it"
-                                    : "Simulated only: threads; the result does not depend on it")
+                  options.is_played
+                      ? "Number of threads; the result does not depend on it"
+                      : "Simulated only: number of threads; the result does not depend on it")
       ->type_name("N");
   line.add_option("--log-level", options.log_level,
-                  "Write lines of log from this level on, in place of the application's "
-                  "\"log_level\" (info); components that say their own keep it")
+                  "Minimum level of log lines, instead of the application's \"log_level\" (info); "
+                  "components with their own \"log_level\" keep it")
       ->type_name("LEVEL")
       ->check(is_one_of({detail::kLogLevelWords.begin(), detail::kLogLevelWords.end()}));
   line.add_option("--report", options.report, "Write a report of the run, as JSON")
       ->type_name("FILE");
   line.add_option("--flight-recorder", options.flight_recorder.file,
-                  "Keep the last messages in this file, whatever happens to the process")
+                  "Keep the last messages in this file, which survives a crash")
       ->type_name("FILE.ring");
   line.add_option("--flight-recorder-mb", options.flight_recorder.size_mb,
-                  "How much it holds: 256, unless the application says else")
+                  "Size of the flight recorder, in MB (that of the application, else 256)")
       ->type_name("MB");
   options.inspect.add_to(line);
   line.add_option("--trace", options.trace.file,
-                  "Write what the components do into this file, for ui.perfetto.dev")
+                  "Trace the activity of the components to this file, for ui.perfetto.dev")
       ->type_name("FILE.pftrace");
   line.add_flag("--strict", options.is_strict,
-                "Do not go on if the machine refuses anything: priorities, CPUs, locked memory");
+                "Fail if the machine refuses priorities, CPUs or locked memory");
   line.add_flag("--fail-on-fault", options.fails_on_fault,
                 "End with exit code 1 if any component faulted, whatever its \"on_fault\"");
-  line.add_flag("--quiet", options.is_quiet, "No progress line and no table");
-  line.add_flag("--debuggable", options.is_debuggable,
-                "Let debuggers and core dumps see the process's memory, all messages included");
+  line.add_flag("--quiet", options.is_quiet, "Print no progress line and no table");
+  line.add_flag(
+      "--debuggable", options.is_debuggable,
+      "Give debuggers and core dumps access to the process's memory, including all messages");
 }
 
 constexpr const char* kEnds =
     "\n"
-    "The first Ctrl-C ends the run in order, with table and report; the second at once.\n"
-    "Exit codes: 0 done, 1 the run failed, 2 wrong input (nothing was started), 130 ended at\n"
-    "once.\n";
+    "The first Ctrl-C ends the run normally, with table and report; the second immediately.\n"
+    "Exit codes: 0 done, 1 the run failed, 2 wrong input (nothing was started), 130 ended\n"
+    "immediately.\n";
 
 }  // namespace
 
 Command add_run(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
-      "run", "Run an application until its input is over, the time is, or Ctrl-C is pressed");
+      "run", "Run an application until its input ends, its time limit, or Ctrl-C");
   line->footer(examples(std::string("  fastcycle run app.json\n"
                                     "  fastcycle run app.json --for 10s --report run.json\n"
-                                    "  fastcycle run app.json --set limiter.limit_mps=20 --overlay "
-                                    "vehicle_17.json\n"
+                                    "  fastcycle run app.json --set limiter.limit_mps=20 "
+                                    "--overlay vehicle_17.json\n"
                                     "  fastcycle run app.json --clock simulated --var "
                                     "data=drives/0042\n"
-                                    "  fastcycle run app.json --record drive.mcap --record-topics "
-                                    "'control/*'\n"
+                                    "  fastcycle run app.json --record drive.mcap "
+                                    "--record-topics 'control/*'\n"
                                     "  fastcycle run app.json --for 10s --trace drive.pftrace\n"
                                     "  fastcycle run app.json --replay drive.mcap --clock "
                                     "simulated\n") +
@@ -979,17 +977,17 @@ Command add_run(CLI::App& program) {
   add_options(*line, *options);
   options->live.add_to(*line);
   add_clock_options(*line, *options);
-  line->add_option("--record", options->record.file, "Record all topics into an MCAP file")
+  line->add_option("--record", options->record.file, "Record all topics to an MCAP file")
       ->type_name("FILE.mcap");
   line->add_option("--record-topics", options->record.topics,
-                   "Record only these: control/*, camera/** (repeatable)")
+                   "Record only topics that match: control/*, camera/** (repeatable)")
       ->type_name("PATTERN");
   line->add_option("--record-compression", options->record.compression,
-                   "How the file is compressed: lz4, unless the application says else")
+                   "Compression of the file (that of the application, else lz4)")
       ->type_name("none|lz4|zstd");
   line->add_option("--replay", options->replay.files,
-                   "Feed what this file has, at its times, in place of the components that "
-                   "published it. Repeatable: the files of one recording")
+                   "Replay the messages of this file, at their times, instead of running the "
+                   "components that published them. Repeatable: the files of one recording")
       ->allow_extra_args(false)
       ->type_name("FILE.mcap");
   options->replay.add_target_to(*line);
@@ -997,8 +995,8 @@ Command add_run(CLI::App& program) {
 }
 
 Command add_play(CLI::App& program) {
-  CLI::App* line = program.add_subcommand(
-      "play", "Play recordings into an application, at the pace of the wall");
+  CLI::App* line =
+      program.add_subcommand("play", "Play recordings into an application, in real time");
   line->footer(
       examples(std::string("  fastcycle play drive.mcap app.json\n"
                            "  fastcycle play drive_0001.mcap drive_0002.mcap app.json --rate 4\n"
@@ -1006,23 +1004,22 @@ Command add_play(CLI::App& program) {
                            "  fastcycle play drive.mcap app.json --replay-into localization\n"
                            "  fastcycle play other.mcap app.json --remap imu/data:=imu/gyro\n"
                            "\n"
-                           "On a terminal: space pauses, . or s makes one step, + and - change "
-                           "the rate, q ends.\n") +
+                           "On a terminal: space pauses, . or s executes one step, + and -\n"
+                           "change the rate, q ends.\n") +
                kEnds));
   const auto options = std::make_shared<RunOptions>();
   options->command = "play";
   options->is_played = true;
   options->clock = "simulated";
   line->add_option("recording", options->replay.files,
-                   "What is played: the files of one recording, then the application's JSON file")
+                   "The files of one recording, then the application's JSON file")
       ->required()
       ->type_name("FILE.mcap");
   add_options(*line, *options);
   options->live.add_to(*line);
   line->get_option("application")->required(false);  // The last of the files: see `play`.
-  line->add_option("--rate", options->play_rate, "Let time run this many times as fast")
-      ->type_name("X");
-  line->add_option("--record", options->record.file, "Record all topics into an MCAP file")
+  line->add_option("--rate", options->play_rate, "Speed factor of time")->type_name("X");
+  line->add_option("--record", options->record.file, "Record all topics to an MCAP file")
       ->type_name("FILE.mcap");
   options->replay.add_target_to(*line);
   options->replay.add_selection_to(*line);
@@ -1031,7 +1028,7 @@ Command add_play(CLI::App& program) {
 
 Command add_record(CLI::App& program) {
   CLI::App* line =
-      program.add_subcommand("record", "Run an application, and record it into an MCAP file");
+      program.add_subcommand("record", "Run an application and record it to an MCAP file");
   line->footer(examples(
       std::string(
           "  fastcycle record app.json\n"
@@ -1040,8 +1037,8 @@ Command add_record(CLI::App& program) {
           "  fastcycle record app.json -o drive.mcap --split-mb 1000 --split-s 60\n"
           "  fastcycle record --live -o now.mcap --topics 'control/**' --for 10s\n"
           "\n"
-          "A name that is taken is left alone, and the next number tried. --live records an\n"
-          "application that runs with --inspect, from outside.\n") +
+          "An existing file is not overwritten; the next free number is used. --live records\n"
+          "a running application that was started with --inspect.\n") +
       kEnds));
   const auto options = std::make_shared<RunOptions>();
   options->command = "record";
@@ -1050,22 +1047,24 @@ Command add_record(CLI::App& program) {
   add_clock_options(*line, *options);
   RecordingOptions& record = options->record;
   line->add_option("-o,--output", record.file,
-                   "The file; without it, as the application says, or NAME_DATE_TIME.mcap")
+                   "The output file (that of the application, else NAME_DATE_TIME.mcap)")
       ->type_name("FILE.mcap");
-  line->add_option("--topics", record.topics, "Only these: control/*, camera/** (repeatable)")
+  line->add_option("--topics", record.topics,
+                   "Only topics that match: control/*, camera/** (repeatable)")
       ->type_name("PATTERN");
-  line->add_option("--except", record.except, "Not these (repeatable)")->type_name("PATTERN");
+  line->add_option("--except", record.except, "Omit topics that match (repeatable)")
+      ->type_name("PATTERN");
   line->add_option("--compression", record.compression,
-                   "How the file is compressed: lz4, unless the application says else")
+                   "Compression of the file (that of the application, else lz4)")
       ->type_name("none|lz4|zstd");
-  line->add_option("--split-mb", record.split_mb, "A new file before one is larger than this")
+  line->add_option("--split-mb", record.split_mb, "Begin a new file before this size is exceeded")
       ->type_name("MB");
-  line->add_option("--split-s", record.split_s, "A new file after this many seconds")
+  line->add_option("--split-s", record.split_s, "Begin a new file after this time, in seconds")
       ->type_name("S");
   line->get_option("application")->required(false);  // Not with --live: see below.
   const auto is_live = std::make_shared<bool>(false);
   const auto target = std::make_shared<live::Target>();
-  line->add_flag("--live", *is_live, "Record an application that runs, from outside");
+  line->add_flag("--live", *is_live, "Record a running application");
   target->add_application_to(*line);
   return {line, [line, options, is_live, target] {
             return live::guarded("record", [&] {
