@@ -25,7 +25,7 @@ def arguments(words: list[str]) -> argparse.Namespace:
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
     line.add_argument("--preset", default="release", help="the preset (release)")
     line.add_argument("--rounds", type=int, default=3, help="number of rounds (3); the median is reported")
-    line.add_argument("modules", nargs="*", metavar="MODULE", help=f"of {', '.join(MODULES)}; all unless given")
+    line.add_argument("modules", nargs="*", metavar="MODULE", help=f"from {', '.join(MODULES)} (all)")
     chosen = line.parse_args(words)
     for name in chosen.modules:
         if name not in MODULES:
