@@ -224,7 +224,7 @@ TEST(DoctorOf, TimesThatGoBackWarn) {
                                              {.channel_id = 1, .sequence = 3, .log_time_ns = 3}}));
 
   EXPECT_THAT(result.errors, IsEmpty());
-  EXPECT_THAT(result.warnings, ElementsAre(HasSubstr("found 2 that do, here the first")));
+  EXPECT_THAT(result.warnings, ElementsAre(HasSubstr("found 2 decreasing ones, the first here")));
 }
 
 TEST(DoctorOf, NumbersThatAreMissingWarn) {

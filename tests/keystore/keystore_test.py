@@ -121,7 +121,7 @@ class Keystore(unittest.TestCase):
         self.write({"name": "app", "components": [{"name": "limiter", "library": "speed_limiter"}]})
         self.assert_refused("app.json has no component of the library dds_gateway", "add", "keys", "g", "app.json")
         self.write(application({"name": "second", "library": "dds_gateway"}))
-        self.assert_refused("several gateways: gateway, second; --component NAME", "add", "keys", "g", "app.json")
+        self.assert_refused("several gateways: gateway, second; select one with --component NAME", "add", "keys", "g", "app.json")
         self.security("add", "keys", "g", "app.json", "--component", "second")
 
     @unittest.skipUnless(HAS_GATEWAY, "needs the gateway")

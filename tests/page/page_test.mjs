@@ -271,7 +271,7 @@ test("borders of the road are drawn beside the way of the vehicle", async (page,
     console.log(`page: borders are not looked at: no ${data}; FASTCYCLE_DATA names the folder of recorded data`);
     return;
   }
-  const kitti = join(dirname(application), "kitti", "kitti.json");
+  const kitti = join(dirname(application), "applications", "kitti", "kitti.json");
   execFileSync(fastcycle, ["run", kitti, "--var", `data=${data}`, "--record", "street.mcap", "--clock", "simulated",
                            "--quiet", "--for", "1s"], { cwd: folder, stdio: "ignore" });
   const made = run("render", "street.mcap");

@@ -930,7 +930,7 @@ TEST_F(ComponentsInProcesses, HaveLatencyChainsThatToolsShowWhereverTheyEnd) {
               {"--inspect", "--isolate", "all"});
   watched.environment = environment;
   Process run(watched);
-  json shown;
+  json shown = json::object();
   const auto end = std::chrono::steady_clock::now() + Process::kLongest;
   while (shown.value("count", 0) < 20 && std::chrono::steady_clock::now() < end) {
     Process asked({.program = FASTCYCLE_PROGRAM,

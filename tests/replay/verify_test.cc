@@ -200,7 +200,7 @@ TEST_F(Verify, WhoPublishedWhatWasNotRecordedIsExecutedToo) {
   EXPECT_EQ(components()["adder"]["equal"], 100);
   EXPECT_FALSE(components()["adder"]["executed_for_others"]);
   EXPECT_TRUE(components()["counter"]["executed_for_others"]);
-  EXPECT_THAT(output_, HasSubstr("executed too"));
+  EXPECT_THAT(output_, HasSubstr("also executed"));
 }
 
 TEST_F(Verify, ALogThatIsCutOffIsExecutedAsFarAsItGoes) {

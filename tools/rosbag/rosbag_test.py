@@ -267,7 +267,7 @@ class Convert(unittest.TestCase):
     def test_names_are_no_commands_for_the_terminal(self):
         done = self.convert([("/red\x1b[31m\n", "sensor_msgs/msg/Imu", 5, b"")], code=PROBLEMS)
 
-        self.assertIn("/red\\x1b[31m\\x0a: missing", done.stderr)
+        self.assertIn("/red\\x1b[31m\\x0a: not valid", done.stderr)
 
     def test_bags_can_be_left_as_they_are(self):
         done = self.convert([("/imu", "sensor_msgs/msg/Imu", 5, bytes(imu().data))], "--as-it-is")
