@@ -7,21 +7,11 @@
 #include <string_view>
 #include <utility>
 
+#include "common/params.h"
 #include "devices/mounting.h"
 
 namespace ads {
 namespace {
-
-double number(fastcycle::Context& context, std::string_view name, double fallback, double min,
-              double max, std::string unit, std::string description) {
-  return context
-      .param<double>(name, {.fallback = fallback,
-                            .min = min,
-                            .max = max,
-                            .unit = std::move(unit),
-                            .description = std::move(description)})
-      .get();
-}
 
 CloudConfig read_config(fastcycle::Context& context) {
   CloudConfig config;
@@ -42,10 +32,10 @@ CloudConfig read_config(fastcycle::Context& context) {
                                 .description = "Direction of rotation seen from above, if points "
                                                "have no times; none: all have the same time"})
           .get();
-  config.begin_rad = number(context, "begin_rad", std::numbers::pi, -std::numbers::pi,
-                            std::numbers::pi, "rad", "Azimuth at which a revolution begins");
+  config.begin_rad = read_number(context, "begin_rad", std::numbers::pi, -std::numbers::pi,
+                                 std::numbers::pi, "rad", "Azimuth at which a revolution begins");
   config.turn_ns = std::llround(
-      1e6 * number(context, "turn_ms", 100.0, 1.0, 1000.0, "ms", "Duration of a revolution"));
+      1e6 * read_number(context, "turn_ms", 100.0, 1.0, 1000.0, "ms", "Duration of a revolution"));
   config.is_stamp_at_end =
       context
           .param<bool>(
@@ -59,8 +49,8 @@ CloudConfig read_config(fastcycle::Context& context) {
                                 .max = 256,
                                 .description = "Number of rings, if points have no ring field"})
           .get());
-  config.intensity_max =
-      number(context, "intensity_max", 255.0, 1e-3, 1e6, "1", "Intensity that is mapped to 255");
+  config.intensity_max = read_number(context, "intensity_max", 255.0, 1e-3, 1e6, "1",
+                                     "Intensity that is mapped to 255");
   return config;
 }
 

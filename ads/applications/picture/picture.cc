@@ -11,17 +11,10 @@
 #include <fmt/format.h>
 
 #include "common/files.h"
+#include "common/map_lines.h"
 
 namespace ads {
 namespace {
-
-std::vector<Eigen::Vector2d> points_of(const hd_map::Line& line) {
-  std::vector<Eigen::Vector2d> points;
-  for (int i = 0; i < std::min(line.x_m_size(), line.y_m_size()); ++i) {
-    points.emplace_back(line.x_m(i), line.y_m(i));
-  }
-  return points;
-}
 
 bool is_finite(const localization::Ego& ego) {
   return std::isfinite(ego.x_m()) && std::isfinite(ego.y_m()) && std::isfinite(ego.heading_rad()) &&

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "common/params.h"
+
 namespace ads {
 namespace {
 
@@ -13,24 +15,15 @@ constexpr std::string_view kVehicle = "vehicle";
 constexpr Rgba kTrack{.red = 0.85, .green = 0.2, .blue = 0.2, .alpha = 0.8};
 constexpr double kTrack_m = 0.6;
 
-fastcycle::Param<double> metres(fastcycle::Context& context, std::string_view name, double fallback,
-                                std::string description) {
-  return context.param<double>(name, {.fallback = fallback,
-                                      .min = 0.0,
-                                      .max = 100.0,
-                                      .unit = "m",
-                                      .description = std::move(description)});
-}
-
 }  // namespace
 
 Rav4Visualization::Rav4Visualization(fastcycle::Context& context)
     : Component(context),
-      length_m_(metres(context, "length_m", 4.6, "Of the vehicle")),
-      width_m_(metres(context, "width_m", 1.85, "Of the vehicle")),
-      height_m_(metres(context, "height_m", 1.7, "Of the vehicle")),
-      radar_forward_m_(
-          metres(context, "radar_forward_m", 2.3, "Of the radar before the vehicle's centre")),
+      length_m_(number_param(context, "length_m", 4.6, 0.0, 100.0, "m", "Of the vehicle")),
+      width_m_(number_param(context, "width_m", 1.85, 0.0, 100.0, "m", "Of the vehicle")),
+      height_m_(number_param(context, "height_m", 1.7, 0.0, 100.0, "m", "Of the vehicle")),
+      radar_forward_m_(number_param(context, "radar_forward_m", 2.3, 0.0, 100.0, "m",
+                                    "Of the radar before the vehicle's centre")),
       fixes_(context.create_publisher<foxglove::LocationFix>("visualization/fix")),
       estimates_(context.create_publisher<foxglove::LocationFix>("visualization/estimate")),
       transforms_(context.create_publisher<foxglove::FrameTransforms>("visualization/transforms")),

@@ -7,21 +7,14 @@
 
 #include <fmt/format.h>
 
+#include "common/params.h"
+
 namespace ads {
 namespace {
 
 constexpr std::array<std::string_view, 10> kOutputs = {
     "points",       "objects",    "lanes", "route",   "plan",
     "minimal_risk", "transforms", "pose",  "vehicle", "fix"};
-
-fastcycle::Param<double> metres(fastcycle::Context& context, std::string_view name, double fallback,
-                                std::string description) {
-  return context.param<double>(name, {.fallback = fallback,
-                                      .min = 0.1,
-                                      .max = 100.0,
-                                      .unit = "m",
-                                      .description = std::move(description)});
-}
 
 }  // namespace
 
@@ -37,9 +30,9 @@ Visualization::Visualization(fastcycle::Context& context)
                                               .min = 1,
                                               .max = 1000,
                                               .description = "Every n-th lidar return is shown"})),
-      length_m_(metres(context, "length_m", 4.5, "Of the vehicle")),
-      width_m_(metres(context, "width_m", 1.8, "Of the vehicle")),
-      height_m_(metres(context, "height_m", 1.5, "Of the vehicle")),
+      length_m_(number_param(context, "length_m", 4.5, 0.1, 100.0, "m", "Of the vehicle")),
+      width_m_(number_param(context, "width_m", 1.8, 0.1, 100.0, "m", "Of the vehicle")),
+      height_m_(number_param(context, "height_m", 1.5, 0.1, 100.0, "m", "Of the vehicle")),
       origin_deg_(context.param<std::vector<double>>(
           "origin_deg", {.fallback = std::vector<double>{},
                          .min = -180.0,

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <utility>
 
+#include "common/params.h"
 #include "common/plane.h"
 
 namespace ads {
@@ -12,18 +13,6 @@ namespace {
 
 constexpr double kSilence_s = 1.0;
 constexpr double kDay_s = 86'400.0;
-
-double read_number(fastcycle::Context& context, std::string_view name,
-                   std::optional<double> fallback, double min, double max, std::string unit,
-                   std::string description) {
-  return context
-      .param<double>(name, {.fallback = fallback,
-                            .min = min,
-                            .max = max,
-                            .unit = std::move(unit),
-                            .description = std::move(description)})
-      .get();
-}
 
 SerialConfig read_serial(fastcycle::Context& context) {
   SerialConfig config;

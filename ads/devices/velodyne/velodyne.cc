@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "common/params.h"
 #include "devices/mounting.h"
 
 namespace ads {
@@ -16,17 +17,6 @@ using velodyne::ModelKind;
 
 // Five revolutions.
 constexpr double kSilence_s = 0.5;
-
-double read_number(fastcycle::Context& context, std::string_view name, double fallback, double min,
-                   double max, std::string unit, std::string description) {
-  return context
-      .param<double>(name, {.fallback = fallback,
-                            .min = min,
-                            .max = max,
-                            .unit = std::move(unit),
-                            .description = std::move(description)})
-      .get();
-}
 
 velodyne::RevolutionConfig read_config(fastcycle::Context& context) {
   velodyne::RevolutionConfig config;

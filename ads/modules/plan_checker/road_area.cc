@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/map_lines.h"
 #include "common/plane.h"
 
 namespace plan_checker {
@@ -13,14 +14,6 @@ namespace {
 constexpr double kBeyondMap_m = 100.0;
 // The cosine of the largest angle between a vehicle and the lane whose limit it has to keep.
 constexpr double kAligned = 0.7;
-
-std::vector<Eigen::Vector2d> points_of(const hd_map::Line& line) {
-  std::vector<Eigen::Vector2d> points;
-  for (int index = 0; index < std::min(line.x_m_size(), line.y_m_size()); ++index) {
-    points.emplace_back(line.x_m(index), line.y_m(index));
-  }
-  return points;
-}
 
 bool is_line(const std::vector<Eigen::Vector2d>& points) {
   return points.size() > 1 && std::ranges::all_of(points, [](const Eigen::Vector2d& point) {
@@ -74,8 +67,8 @@ RoadArea::RoadArea(const hd_map::Tile& tile)
 }
 
 void RoadArea::add(const hd_map::Lane& message) {
-  std::vector<Eigen::Vector2d> left = points_of(message.left());
-  std::vector<Eigen::Vector2d> right = points_of(message.right());
+  std::vector<Eigen::Vector2d> left = ads::points_of(message.left());
+  std::vector<Eigen::Vector2d> right = ads::points_of(message.right());
   if (!is_line(left) || !is_line(right)) {
     return;
   }

@@ -4,36 +4,30 @@
 #include <string_view>
 #include <utility>
 
+#include "common/params.h"
+
 namespace ads {
 namespace {
-
-double number(fastcycle::Context& context, std::string_view name, double fallback, double max,
-              std::string unit, std::string description) {
-  return context
-      .param<double>(name, {.fallback = fallback,
-                            .min = 0.01,
-                            .max = max,
-                            .unit = std::move(unit),
-                            .description = std::move(description)})
-      .get();
-}
 
 PredictorOptions options(fastcycle::Context& context) {
   const PredictorOptions usual;
   return {
-      .horizon_s = number(context, "horizon_s", usual.horizon_s, 20.0, "s", "Prediction horizon"),
-      .step_s = number(context, "step_s", usual.step_s, 1.0, "s", "Time between two points"),
-      .distance_min_m = number(context, "distance_min_m", usual.distance_min_m, 10.0, "m",
-                               "Distance that objects keep at standstill"),
-      .along_stddev_mps2 = number(context, "along_stddev_mps2", usual.along_stddev_mps2, 5.0,
-                                  "m/s^2", "Of the acceleration that is not foreseen"),
-      .along_stddev_mps = number(context, "along_stddev_mps", usual.along_stddev_mps, 10.0, "m/s",
-                                 "Standard deviation of unforeseen speed changes"),
-      .across_stddev_mps = number(context, "across_stddev_mps", usual.across_stddev_mps, 5.0, "m/s",
-                                  "Standard deviation of the lateral motion"),
+      .horizon_s =
+          read_number(context, "horizon_s", usual.horizon_s, 0.01, 20.0, "s", "Prediction horizon"),
+      .step_s =
+          read_number(context, "step_s", usual.step_s, 0.01, 1.0, "s", "Time between two points"),
+      .distance_min_m = read_number(context, "distance_min_m", usual.distance_min_m, 0.01, 10.0,
+                                    "m", "Distance that objects keep at standstill"),
+      .along_stddev_mps2 = read_number(context, "along_stddev_mps2", usual.along_stddev_mps2, 0.01,
+                                       5.0, "m/s^2", "Of the acceleration that is not foreseen"),
+      .along_stddev_mps =
+          read_number(context, "along_stddev_mps", usual.along_stddev_mps, 0.01, 10.0, "m/s",
+                      "Standard deviation of unforeseen speed changes"),
+      .across_stddev_mps = read_number(context, "across_stddev_mps", usual.across_stddev_mps, 0.01,
+                                       5.0, "m/s", "Standard deviation of the lateral motion"),
       .across_stddev_max_m =
-          number(context, "across_stddev_max_m", usual.across_stddev_max_m, 10.0, "m",
-                 "Maximum standard deviation of the lateral position in a lane"),
+          read_number(context, "across_stddev_max_m", usual.across_stddev_max_m, 0.01, 10.0, "m",
+                      "Maximum standard deviation of the lateral position in a lane"),
   };
 }
 

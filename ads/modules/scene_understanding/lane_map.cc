@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "common/map_lines.h"
+
 namespace ads {
 namespace {
 
@@ -19,14 +21,6 @@ constexpr double kSlant_rad = 1.0;
 constexpr double kSlant_m_per_rad = 3.0;
 // How much better another lane has to fit.
 constexpr double kHysteresis_m = 0.5;
-
-std::vector<Eigen::Vector2d> points_of(const hd_map::Line& line) {
-  std::vector<Eigen::Vector2d> points;
-  for (int index = 0; index < std::min(line.x_m_size(), line.y_m_size()); ++index) {
-    points.emplace_back(line.x_m(index), line.y_m(index));
-  }
-  return points;
-}
 
 bool is_successor(const LaneMap::Lane& lane, std::int64_t id) {
   return std::ranges::find(lane.info.successors(), id) != lane.info.successors().end();

@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "common/even.h"
+#include "common/params.h"
 
 namespace ads {
 namespace {
@@ -21,15 +22,6 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kGapMax_ns = kSecond_ns / 5;
 // The standard acceleration of gravity (CGPM 1901).
 constexpr double kGravity_mps2 = 9.80665;
-
-fastcycle::Param<double> number(fastcycle::Context& context, std::string_view name, double fallback,
-                                double max, std::string unit, std::string description) {
-  return context.param<double>(name, {.fallback = fallback,
-                                      .min = 0.0,
-                                      .max = max,
-                                      .unit = std::move(unit),
-                                      .description = std::move(description)});
-}
 
 LidarConfig read_lidar(fastcycle::Context& context) {
   LidarConfig lidar;
@@ -72,17 +64,17 @@ LidarConfig read_lidar(fastcycle::Context& context) {
           .get();
   lidar.first_azimuth_deg = angle("lidar.first_azimuth_deg", lidar.first_azimuth_deg,
                                   "Azimuth at which a revolution begins");
-  lidar.range_max_m = number(context, "lidar.range_max_m", lidar.range_max_m, 1000.0, "m",
-                             "Maximum range of a return")
+  lidar.range_max_m = number_param(context, "lidar.range_max_m", lidar.range_max_m, 0.0, 1000.0,
+                                   "m", "Maximum range of a return")
                           .get();
-  lidar.range_stddev_m = number(context, "lidar.range_stddev_m", lidar.range_stddev_m, 10.0, "m",
-                                "Error of each range, 1 sigma")
+  lidar.range_stddev_m = number_param(context, "lidar.range_stddev_m", lidar.range_stddev_m, 0.0,
+                                      10.0, "m", "Error of each range, 1 sigma")
                              .get();
-  lidar.beam_dropout = number(context, "lidar.beam_dropout", lidar.beam_dropout, 1.0, "1",
-                              "Share of beams without a return")
+  lidar.beam_dropout = number_param(context, "lidar.beam_dropout", lidar.beam_dropout, 0.0, 1.0,
+                                    "1", "Share of beams without a return")
                            .get();
-  lidar.mount_height_m = number(context, "lidar.mount_height_m", lidar.mount_height_m, 10.0, "m",
-                                "Height of the sensor above the ground")
+  lidar.mount_height_m = number_param(context, "lidar.mount_height_m", lidar.mount_height_m, 0.0,
+                                      10.0, "m", "Height of the sensor above the ground")
                              .get();
   lidar.mount_forward_m =
       context
@@ -111,10 +103,10 @@ Drivers::Drivers(fastcycle::Context& context)
                                                               .max = 10.0,
                                                               .unit = "s",
                                                               .description = "Time between fixes"}),
-          .noise_m = number(context, "gnss.noise_m", 0.1, 100.0, "m",
-                            "Independent error of each fix, 1 sigma per axis"),
-          .bias_m =
-              number(context, "gnss.bias_m", 0.15, 100.0, "m", "Slow error, 1 sigma per axis"),
+          .noise_m = number_param(context, "gnss.noise_m", 0.1, 0.0, 100.0, "m",
+                                  "Independent error of each fix, 1 sigma per axis"),
+          .bias_m = number_param(context, "gnss.bias_m", 0.15, 0.0, 100.0, "m",
+                                 "Slow error, 1 sigma per axis"),
           .bias_time_s = context.param<double>(
               "gnss.bias_time_s", {.fallback = 60.0,
                                    .min = 0.01,
@@ -124,25 +116,26 @@ Drivers::Drivers(fastcycle::Context& context)
           .fix_dropout = context.param<std::uint32_t>(
               "gnss.fix_dropout",
               {.fallback = 0, .description = "One of this number of fixes is missing; 0: none"})},
-      imu_{.forward_noise_mps2 = number(context, "imu.forward_noise_mps2", 0.67, 100.0, "m/s^2",
-                                        "Error of one measurement, 1 sigma"),
-           .left_noise_mps2 = number(context, "imu.left_noise_mps2", 0.29, 100.0, "m/s^2",
-                                     "Error of one measurement, 1 sigma"),
-           .yaw_rate_noise_radps = number(context, "imu.yaw_rate_noise_radps", 0.0028, 1.0, "rad/s",
-                                          "Error of one measurement, 1 sigma"),
-           .acceleration_bias_mps2 = number(context, "imu.acceleration_bias_mps2", 0.04, 10.0,
-                                            "m/s^2", "Offset, 1 sigma"),
-           .yaw_rate_bias_radps =
-               number(context, "imu.yaw_rate_bias_radps", 0.0007, 1.0, "rad/s", "Offset, 1 sigma"),
+      imu_{.forward_noise_mps2 = number_param(context, "imu.forward_noise_mps2", 0.67, 0.0, 100.0,
+                                              "m/s^2", "Error of one measurement, 1 sigma"),
+           .left_noise_mps2 = number_param(context, "imu.left_noise_mps2", 0.29, 0.0, 100.0,
+                                           "m/s^2", "Error of one measurement, 1 sigma"),
+           .yaw_rate_noise_radps = number_param(context, "imu.yaw_rate_noise_radps", 0.0028, 0.0,
+                                                1.0, "rad/s", "Error of one measurement, 1 sigma"),
+           .acceleration_bias_mps2 = number_param(context, "imu.acceleration_bias_mps2", 0.04, 0.0,
+                                                  10.0, "m/s^2", "Offset, 1 sigma"),
+           .yaw_rate_bias_radps = number_param(context, "imu.yaw_rate_bias_radps", 0.0007, 0.0, 1.0,
+                                               "rad/s", "Offset, 1 sigma"),
            .bias_time_s = context.param<double>(
                "imu.bias_time_s", {.fallback = 300.0,
                                    .min = 0.01,
                                    .max = 1e6,
                                    .unit = "s",
                                    .description = "Correlation time of the offsets"})},
-      noise_deviation_(number(context, "noise_deviation", 0.0, 2.0, "1",
-                              "Uncertainty of the error sizes: true errors differ by a factor of "
-                              "up to 2 to this power")),
+      noise_deviation_(
+          number_param(context, "noise_deviation", 0.0, 0.0, 2.0, "1",
+                       "Uncertainty of the error sizes: true errors differ by a factor of "
+                       "up to 2 to this power")),
       seed_(context.param<std::uint64_t>("seed",
                                          {.fallback = 0, .description = "Seed of the noise"})),
       lidar_fault_(
@@ -151,8 +144,8 @@ Drivers::Drivers(fastcycle::Context& context)
                                                               {"nan", LidarFault::kNan},
                                                               {"empty", LidarFault::kEmpty}},
                                                     .description = "Fault of the sweeps"})),
-      lidar_fault_after_s_(number(context, "lidar_fault_after_s", 0.0, 1e9, "s",
-                                  "Time of the fault, after the start")),
+      lidar_fault_after_s_(number_param(context, "lidar_fault_after_s", 0.0, 0.0, 1e9, "s",
+                                        "Time of the fault, after the start")),
       sweeps_(context.create_publisher<lidar::Sweep>("lidar/points")),
       positions_(context.create_publisher<gnss::Position>("gnss/position")),
       motions_(context.create_publisher<motion::Imu>("imu/motion")) {

@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "common/files.h"
+#include "common/params.h"
 #include "common/plane.h"
 
 namespace kitti {
@@ -23,15 +24,6 @@ constexpr double kDepthMin_m = 0.5;
 // Of each kind of object, by its number.
 constexpr std::array<Rgb, 5> kColors = {
     Rgb{190, 190, 190}, {255, 150, 20}, {230, 80, 30}, {200, 60, 220}, {255, 40, 120}};
-
-fastcycle::Param<double> metres(fastcycle::Context& context, std::string_view name, double fallback,
-                                std::string description) {
-  return context.param<double>(name, {.fallback = fallback,
-                                      .min = -10.0,
-                                      .max = 10.0,
-                                      .unit = "m",
-                                      .description = std::move(description)});
-}
 
 std::int64_t nanoseconds(const google::protobuf::Timestamp& timestamp) {
   return timestamp.seconds() * 1'000'000'000 + timestamp.nanos();
@@ -54,9 +46,10 @@ CameraView::CameraView(fastcycle::Context& context)
       picture_file_(context.param<fastcycle::Path>(
           "picture", {.fallback = fastcycle::Path("camera.png"),
                       .description = "File for the last image with its boxes"})),
-      mount_forward_m_(
-          metres(context, "mount_forward_m", -0.6, "Of the lidar before the vehicle's centre")),
-      mount_height_m_(metres(context, "mount_height_m", 1.73, "Of the lidar above the ground")),
+      mount_forward_m_(ads::number_param(context, "mount_forward_m", -0.6, -10.0, 10.0, "m",
+                                         "Of the lidar before the vehicle's centre")),
+      mount_height_m_(ads::number_param(context, "mount_height_m", 1.73, -10.0, 10.0, "m",
+                                        "Of the lidar above the ground")),
       clouds_(context.create_publisher<foxglove::PointCloud>("camera/points")),
       drawn_(context.create_publisher<foxglove::RawImage>("camera/boxes")),
       ego_(context.create_history<localization::Ego>("localization/ego", {.depth = 4})) {

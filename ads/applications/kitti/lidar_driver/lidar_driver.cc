@@ -9,6 +9,8 @@
 #include <string_view>
 #include <utility>
 
+#include "common/params.h"
+
 namespace kitti {
 namespace {
 
@@ -20,15 +22,6 @@ fastcycle::Param<int> count(fastcycle::Context& context, std::string_view name, 
                             int max, std::string description) {
   return context.param<int>(
       name, {.fallback = fallback, .min = 1, .max = max, .description = std::move(description)});
-}
-
-fastcycle::Param<double> metres(fastcycle::Context& context, std::string_view name, double fallback,
-                                std::string description) {
-  return context.param<double>(name, {.fallback = fallback,
-                                      .min = -10.0,
-                                      .max = 10.0,
-                                      .unit = "m",
-                                      .description = std::move(description)});
 }
 
 }  // namespace
@@ -43,9 +36,10 @@ LidarDriver::LidarDriver(fastcycle::Context& context)
       is_clockwise_(context.param<bool>(
           "is_clockwise",
           {.fallback = true, .description = "Rotation of the sensor, seen from above"})),
-      mount_forward_m_(
-          metres(context, "mount_forward_m", -0.6, "Of the sensor before the vehicle's centre")),
-      mount_height_m_(metres(context, "mount_height_m", 1.73, "Of the sensor above the ground")),
+      mount_forward_m_(ads::number_param(context, "mount_forward_m", -0.6, -10.0, 10.0, "m",
+                                         "Of the sensor before the vehicle's centre")),
+      mount_height_m_(ads::number_param(context, "mount_height_m", 1.73, -10.0, 10.0, "m",
+                                        "Of the sensor above the ground")),
       sweeps_(context.create_publisher<lidar::Sweep>("lidar/points")),
       timer_(context.create_timer([this] { play(); })),
       source_(context.create_source()) {}

@@ -4,6 +4,7 @@
 
 #include <fastcycle/fastcycle.h>
 
+#include "common/params.h"
 #include "localization/ego.pb.h"
 #include "mission/goal.pb.h"
 #include "vehicle/state.pb.h"
@@ -15,15 +16,6 @@ constexpr double kGoal_m = 3.0;
 constexpr double kPlaceStddev_m = 0.5;
 constexpr double kHeadingStddev_rad = 0.02;
 
-fastcycle::Param<double> place(fastcycle::Context& context, std::string_view name, std::string unit,
-                               std::string description) {
-  return context.param<double>(name, {.fallback = 0.0,
-                                      .min = -1e6,
-                                      .max = 1e6,
-                                      .unit = std::move(unit),
-                                      .description = std::move(description)});
-}
-
 }  // namespace
 
 /// Stands for what a recorded drive does not have: a mission, and a bus. Nobody obeys commands.
@@ -34,11 +26,14 @@ class Mission final : public fastcycle::Component {
  public:
   explicit Mission(fastcycle::Context& context)
       : Component(context),
-        begin_x_m_(place(context, "begin_x_m", "m", "Initial position of the vehicle")),
-        begin_y_m_(place(context, "begin_y_m", "m", "Initial position of the vehicle")),
-        begin_heading_rad_(place(context, "begin_heading_rad", "rad", "Initial heading")),
-        goal_x_m_(place(context, "goal_x_m", "m", "Goal position")),
-        goal_y_m_(place(context, "goal_y_m", "m", "Goal position")),
+        begin_x_m_(ads::number_param(context, "begin_x_m", 0.0, -1e6, 1e6, "m",
+                                     "Initial position of the vehicle")),
+        begin_y_m_(ads::number_param(context, "begin_y_m", 0.0, -1e6, 1e6, "m",
+                                     "Initial position of the vehicle")),
+        begin_heading_rad_(ads::number_param(context, "begin_heading_rad", 0.0, -1e6, 1e6, "rad",
+                                             "Initial heading")),
+        goal_x_m_(ads::number_param(context, "goal_x_m", 0.0, -1e6, 1e6, "m", "Goal position")),
+        goal_y_m_(ads::number_param(context, "goal_y_m", 0.0, -1e6, 1e6, "m", "Goal position")),
         poses_(context.create_publisher<mission::InitialPose>("mission/initial_pose")),
         goals_(context.create_publisher<mission::Goal>("mission/goal")),
         states_(context.create_publisher<vehicle::State>("vehicle/state")) {

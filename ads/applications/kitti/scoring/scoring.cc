@@ -11,19 +11,11 @@
 #include "applications/kitti/drive/calibration.h"
 #include "applications/kitti/drive/frames.h"
 #include "common/files.h"
+#include "common/params.h"
 #include "common/plane.h"
 
 namespace kitti {
 namespace {
-
-fastcycle::Param<double> metres(fastcycle::Context& context, std::string_view name, double fallback,
-                                std::string description) {
-  return context.param<double>(name, {.fallback = fallback,
-                                      .min = -10.0,
-                                      .max = 10.0,
-                                      .unit = "m",
-                                      .description = std::move(description)});
-}
 
 Kind kind_of(perception::ObjectClass object_class) {
   switch (object_class) {
@@ -60,9 +52,10 @@ std::string_view word_of(Verdict verdict) {
 Scoring::Scoring(fastcycle::Context& context)
     : Component(context),
       data_(context.param<fastcycle::Path>("data", {.description = "The drive's folder"})),
-      mount_forward_m_(
-          metres(context, "mount_forward_m", -0.6, "Of the lidar before the vehicle's centre")),
-      mount_height_m_(metres(context, "mount_height_m", 1.73, "Of the lidar above the ground")),
+      mount_forward_m_(ads::number_param(context, "mount_forward_m", -0.6, -10.0, 10.0, "m",
+                                         "Of the lidar before the vehicle's centre")),
+      mount_height_m_(ads::number_param(context, "mount_height_m", 1.73, -10.0, 10.0, "m",
+                                        "Of the lidar above the ground")),
       details_(context.param<std::string>(
           "details",
           {.fallback = "", .description = "A file for the verdict on each box; none if empty"})),
