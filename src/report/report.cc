@@ -394,10 +394,11 @@ ordered_json json_of(const ProcessReport& process) {
       links.back()["always_copied"] = link.always_copied;
     }
   }
-  return {{"cpu_s", number(process.cpu_s)},
-          {"rss_max_kib", process.rss_max_kib},
-          {"restarts", process.restarts},
-          {"links", std::move(links)}};
+  return {
+      {"cpu_s", process.has_reported ? number(process.cpu_s) : ordered_json()},
+      {"rss_max_kib", process.has_reported ? ordered_json(process.rss_max_kib) : ordered_json()},
+      {"restarts", process.restarts},
+      {"links", std::move(links)}};
 }
 
 ordered_json json_of(const CallbackReport& callback) {
@@ -974,6 +975,11 @@ std::string processes_text(const std::vector<ProcessReport>& processes) {
   rows.add({"PROCESS", "CPU", "MEMORY MiB", "RESTARTS", "GIVEN", "COPIED", "LOST"});
   std::string copied;
   for (const ProcessReport& process : processes) {
+    if (!process.has_reported) {
+      rows.add({shortened(process.name, kNameColumns), "-", "-", std::to_string(process.restarts),
+                "-", "-", "-"});
+      continue;
+    }
     ProcessReport::Link all;
     std::set<std::string> reported;
     for (const ProcessReport::Link& link : process.links) {

@@ -145,6 +145,7 @@ struct ProcessReport {
   double cpu_s = 0;
   std::int64_t rss_max_kib = 0;
   std::uint64_t restarts = 0;
+  bool has_reported = true;  ///< False if it ended without: all but `restarts` is unknown.
   std::vector<Link> links = {};
 };
 

@@ -374,7 +374,10 @@ TEST_F(ComponentsInProcesses, CannotWriteIntoWhatTheyReceived) {
 
   EXPECT_THAT(run.errors(), HasSubstr("process \"relaying\" ended by signal 11"));
   EXPECT_THAT(run.errors(), HasSubstr("the others go on without it"));
-  EXPECT_EQ(report()["results"]["whole"], 100);
+  const json said = report();
+  EXPECT_EQ(said["results"]["whole"], 100);
+  EXPECT_TRUE(said["processes"]["relaying"]["cpu_s"].is_null()) << said["processes"];
+  EXPECT_EQ(said["processes"]["relaying"]["restarts"], 0);
 }
 
 TEST_F(ComponentsInProcesses, MayOnlyComputeInASandbox) {

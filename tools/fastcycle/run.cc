@@ -812,6 +812,14 @@ int run_processes(const config::ApplicationDescription& description, const host:
     return result.exit_code;
   }
   host::RunReport report = host::put_together(std::move(parts), description);
+  for (segment::ProcessIndex process = processes::ProcessPlan::kMain; process < plan.count();
+       ++process) {
+    if (result.reports[process].empty() && !plan.follows_at_start(process)) {
+      report.processes.push_back({.name = plan.name(process),
+                                  .restarts = result.restarts[process],
+                                  .has_reported = false});
+    }
+  }
   report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
   if (!result.end.empty()) {
     report.end = result.end;
