@@ -125,7 +125,9 @@ bool only_follows(const Peers* peers, const std::string& component) {
          !peers->is_here(peers->process_of(component));
 }
 
-TopicReport report_topic(const detail::Topic& topic, double time_s, const Peers* peers) {
+TopicReport report_topic(const detail::Topic& topic, double time_s,
+                         const Application& application) {
+  const Peers* const peers = application.peers();
   TopicReport report;
   report.name = topic.name;
   report.type = topic.type;
@@ -134,6 +136,9 @@ TopicReport report_topic(const detail::Topic& topic, double time_s, const Peers*
     if (!publisher->is_imported && !only_follows(peers, publisher->owner.name)) {
       report.published += publisher->published();
       report.allocated += publisher->allocated();
+      if (application.is_replay() && application.is_replayed(publisher->owner.name)) {
+        report.replayed += publisher->published();
+      }
     }
   }
   report.rate_hz = static_cast<double>(report.published) / time_s;
@@ -1055,7 +1060,7 @@ RunReport make_report(const Application& application, Duration wall) {
     add_results(report, *component);
   }
   for (const auto& [name, topic] : application.topics().all()) {
-    report.topics.push_back(report_topic(*topic, report.time_s, peers));
+    report.topics.push_back(report_topic(*topic, report.time_s, application));
   }
   for (const auto& component : application.components()) {
     add_offered(report, *component);

@@ -77,6 +77,7 @@ struct TopicReport {
   std::string name = {};
   std::string type = {};
   std::uint64_t published = 0;
+  std::uint64_t replayed = 0;   ///< Of these, by a replay, which each process has of its own.
   std::uint64_t allocated = 0;  ///< Messages allocated for it in all.
   double rate_hz = 0;           ///< Per second of application time.
   std::vector<OfferedReport> offered = {};

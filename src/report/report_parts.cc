@@ -164,8 +164,8 @@ void pass(Archive& archive, OfferedReport& report) {
 }
 template <typename Archive>
 void pass(Archive& archive, TopicReport& report) {
-  pass_all(archive, report.name, report.type, report.published, report.allocated, report.rate_hz,
-           report.offered, report.subscribers);
+  pass_all(archive, report.name, report.type, report.published, report.replayed, report.allocated,
+           report.rate_hz, report.offered, report.subscribers);
 }
 template <typename Archive>
 void pass(Archive& archive, record::RecordedTopic& topic) {
@@ -258,9 +258,14 @@ void pass(Archive& archive, std::vector<T>& values) {
 
 void join(TopicReport& into, TopicReport&& topic) {
   into.type = into.type.empty() ? topic.type : into.type;
-  into.published += topic.published;
+  const std::uint64_t known = std::min(topic.replayed, into.replayed);
+  const double share = topic.published == 0 ? 0.0
+                                            : static_cast<double>(topic.published - known) /
+                                                  static_cast<double>(topic.published);
+  into.published += topic.published - known;
+  into.replayed = std::max(topic.replayed, into.replayed);
   into.allocated += topic.allocated;
-  into.rate_hz += topic.rate_hz;
+  into.rate_hz += topic.rate_hz * share;
   std::ranges::move(topic.offered, std::back_inserter(into.offered));
   std::ranges::move(topic.subscribers, std::back_inserter(into.subscribers));
 }

@@ -751,7 +751,9 @@ TEST_F(ComponentsInProcesses, GetALogLiveAtTheTimesThatItHas) {
   EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
   const json said = report();
   EXPECT_EQ(said["results"]["whole"], 200);
-  EXPECT_EQ(said["topics"]["relayed"]["published"], 200) << said["topics"]["relayed"];
+  for (const char* topic : {"readings", "relayed"}) {
+    EXPECT_EQ(said["topics"][topic]["published"], 200) << topic << said["topics"][topic];
+  }
   EXPECT_EQ(said["end"], "input finished");
   expect_ledgers(said);
 }
