@@ -76,7 +76,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         environment = dict(os.environ, XDG_RUNTIME_DIR=folder, PATH=f"{build}/bin:{os.environ['PATH']}")
         os.chdir(ROOT)
-        run = subprocess.Popen(["fastcycle", "run", *APPLICATION, "--set", "supervision.picture=", "--quiet"],
+        run = subprocess.Popen(["fastcycle", "run", *APPLICATION, "--set", f"picture.file={folder}/drive.svg", "--quiet"],
                                env=environment, stderr=subprocess.DEVNULL)
         try:
             end = time.monotonic() + LONGEST_S
