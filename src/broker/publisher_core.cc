@@ -205,13 +205,16 @@ Envelope* PublisherCore::take_from(Pool& pool, Envelope*& scratch) {
 
 Envelope* PublisherCore::loan(bool is_cleared) {
   // The last returned message is warm, in caches and in pages; but in a burst its list belongs to
-  // the readers. An external publisher is in no activation, and may not look at its owner's.
-  if (owner.stage == nullptr && (options.is_external || owner.publish_count == 0)) {
+  // the readers: once it was collected in this activation, the pool's own are lent. An external
+  // publisher is in no activation, and may not look at its owner's.
+  const bool is_first = options.is_external || owner.publish_count == 0 ||
+                        (owner.stage == nullptr && last_publish_time() < owner.now);
+  if (owner.stage == nullptr && is_first) {
     pool_->collect();
   }
   if (!exports_.empty()) [[unlikely]] {
     base::enter_shared_scope();  // Until it is published, or returned.
-    if (options.is_external || owner.publish_count == 0) {
+    if (is_first) {
       for (MessageExport* const to : exports_) {
         to->collect();
       }

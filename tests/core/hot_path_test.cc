@@ -1,8 +1,12 @@
 // What must hold of publish: no copy, no allocation, no way to write into a published message.
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdlib>
+#include <set>
 #include <type_traits>
+#include <utility>
+#include <variant>
 
 #include <google/protobuf/wrappers.pb.h>
 #include <gtest/gtest.h>
@@ -233,6 +237,70 @@ TEST(HotPathDeathTest, PublishingInAConstructorBreaksTheContract) {
   EXPECT_DEATH(host::make_application(
                    R"({"name": "t", "components": [{"name": "e", "library": "early"}]})", classes),
                "component \"e\": loan\\(\\) for \"images\" outside of a callback");
+}
+
+/// Publishes on two topics in each activation, once the messages before were read.
+class TwoTopics final : public Component {
+ public:
+  explicit TwoTopics(Context& context)
+      : Component(context),
+        first_(context.create_publisher<BytesValue>("first")),
+        images_(context.create_publisher<BytesValue>("images")),
+        source_(context.create_source()) {
+    context.create_subscriber<BytesValue>("seen", [this](const BytesValue&) { ++seen_; });
+  }
+
+  void serve() override {
+    if (sent_ == kMessages) {
+      report("messages", static_cast<std::int64_t>(addresses_.size()));
+      source_.finish();
+    } else if (seen_ == sent_) {
+      first_.publish(first_.loan());
+      auto image = images_.loan();
+      addresses_.insert(&*image);
+      images_.publish(std::move(image));
+      ++sent_;
+    }
+  }
+
+ private:
+  static constexpr int kMessages = 200;
+
+  Publisher<BytesValue> first_;
+  Publisher<BytesValue> images_;
+  Source source_;
+  std::set<const BytesValue*> addresses_;
+  int sent_ = 0;
+  int seen_ = 0;
+};
+
+class Acknowledger final : public Component {
+ public:
+  explicit Acknowledger(Context& context)
+      : Component(context), seen_(context.create_publisher<BytesValue>("seen")) {
+    context.create_subscriber<BytesValue>(
+        "images", {.depth = 16}, [this](const BytesValue&) { seen_.publish(seen_.loan()); });
+  }
+
+ private:
+  Publisher<BytesValue> seen_;
+};
+
+// A pool whose messages take turns would need the memory of all.
+TEST(HotPath, EachTopicOfAnActivationGetsTheMessageThatReturnedLast) {
+  setenv("FASTCYCLE_POISON", "off", 1);  // Otherwise each message is made anew.
+  TestClasses classes;
+  classes.with<TwoTopics>("two").with<Acknowledger>("acknowledger");
+  const auto application = host::make_application(R"({"name": "t", "components": [
+        {"name": "two", "library": "two", "serve_period_ms": 0.5},
+        {"name": "acknowledger", "library": "acknowledger"}]})",
+                                                  classes);
+
+  application->start();
+  application->run(std::nullopt);
+  application->stop();
+
+  EXPECT_LE(std::get<std::int64_t>(application->components()[0]->results.at("messages")), 6);
 }
 
 }  // namespace
