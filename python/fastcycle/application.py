@@ -361,12 +361,13 @@ class Subscription(Iterator[Message]):
         self._timeout = timeout
         self._publishers: dict[int, str] = {}
         self._waiting: list[Any] = []
+        self._is_closed = False
         stream = {"topic": topic, "content": "CONTENT_FULL", **options}
         self._learn(session.ask(_protocol("Request")(stream=stream)))
 
     def close(self) -> None:
         """Ends the subscription; unread messages are dropped."""
-        self._waiting.clear()
+        self._is_closed = True  # Another thread may be reading what waits.
         self._end()
 
     def _end(self) -> None:
@@ -381,6 +382,8 @@ class Subscription(Iterator[Message]):
         self.close()
 
     def __next__(self) -> Message:
+        if self._is_closed:
+            raise StopIteration
         while not self._waiting:
             if self._session is None:
                 raise StopIteration
@@ -444,11 +447,12 @@ class LogLines(Iterator[LogLine]):
         self._session: _Session | None = session
         self._timeout = timeout
         self._waiting: list[Any] = []
+        self._is_closed = False
         session.ask(_protocol("Request")(stream_log=options))
 
     def close(self) -> None:
         """Ends the stream; unread lines are dropped."""
-        self._waiting.clear()
+        self._is_closed = True  # Another thread may be reading what waits.
         self._end()
 
     def _end(self) -> None:
@@ -463,6 +467,8 @@ class LogLines(Iterator[LogLine]):
         self.close()
 
     def __next__(self) -> LogLine:
+        if self._is_closed:
+            raise StopIteration
         while not self._waiting:
             if self._session is None:
                 raise StopIteration
