@@ -55,6 +55,8 @@ using Clock = std::chrono::steady_clock;
 
 constexpr const char* kName = "live";
 constexpr auto kHeaderPatience = 5s;   // For a whole HTTP request.
+constexpr auto kNextPatience = 75s;    // For the next one of a client that has had an answer.
+constexpr auto kKeepAlive = "timeout=60";  // What clients are told: they close before the server.
 constexpr auto kAnswerPatience = 30s;  // For the reader of an answer.
 constexpr auto kIdlePatience = 30s;    // For any frame from a WebSocket.
 constexpr auto kLookPeriod = 50ms;
@@ -269,10 +271,10 @@ class Server::Net::Connection final : public AnyConnection {
                                   self->leave();
                                   return;
                                 }
-                                self->read_request();
+                                self->read_request(kHeaderPatience);
                               });
     } else {
-      read_request();
+      read_request(kHeaderPatience);
     }
   }
 
@@ -331,11 +333,11 @@ class Server::Net::Connection final : public AnyConnection {
     net_.connections_.erase(this->shared_from_this());
   }
 
-  void read_request() {
+  void read_request(std::chrono::seconds patience) {
     parser_.emplace();
     parser_->header_limit(kMaxHeaderBytes);
     parser_->body_limit(kMaxBodyBytes);
-    lowest().expires_after(kHeaderPatience);
+    lowest().expires_after(patience);
     http::async_read_header(stream_, buffer_, *parser_,
                             [self = this->self()](error_code error, std::size_t) {
                               self->guarded([&] { self->take_header(error); });
@@ -438,6 +440,9 @@ class Server::Net::Connection final : public AnyConnection {
     response_.set("X-Content-Type-Options", "nosniff");
     response_.set("X-Frame-Options", "DENY");
     response_.keep_alive(is_kept_);
+    if (is_kept_) {
+      response_.set(http::field::keep_alive, kKeepAlive);
+    }
     response_.body() = std::move(page.body);
     response_.prepare_payload();
     lowest().expires_after(kAnswerPatience);
@@ -445,7 +450,7 @@ class Server::Net::Connection final : public AnyConnection {
       self->response_.body().clear();
       if (!error && self->is_kept_ && !self->is_closed_) {
         self->is_kept_ = false;
-        self->read_request();
+        self->read_request(kNextPatience);
         return;
       }
       error_code ignored;

@@ -385,6 +385,17 @@ TEST_F(LiveServer, AsksTheApplicationForThem) {
   EXPECT_THAT(refused["error"]["hint"].get<std::string>(), HasSubstr("--inspect-allow"));
 }
 
+TEST_F(LiveServer, KeepsTheConnectionOfAClientThatAsksAgainLater) {
+  run();
+  asio::io_context io;
+  tcp::socket socket(io);
+  socket.connect(tcp::endpoint(asio::ip::make_address("127.0.0.1"), server_->port()));
+  const Response first = ask(socket, http::verb::post, "/ask", R"({"overview": {}})");
+  EXPECT_EQ(first[http::field::keep_alive], "timeout=60");
+  std::this_thread::sleep_for(6s);  // Longer than a first request may take.
+  EXPECT_EQ(ask(socket, http::verb::post, "/ask", R"({"overview": {}})").result_int(), 200);
+}
+
 TEST_F(LiveServer, RefusesQuestionsThatAreNone) {
   run();
   for (const char* body : {"", "{", "[]", "{\"no\": 1}", R"({"stream": {"topic": "numbers"}})",

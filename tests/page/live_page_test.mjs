@@ -98,6 +98,11 @@ const state = (page) => page.evaluate(() => window.fastcycle.state());
 const tabs = ["graph", "components", "chains", "topics", "params", "log"];
 const show = (page, tab) => page.click(`#tab_${tab}`);
 
+// Waits until the element's text matches: what a page shows comes a while after what was done.
+const says = (page, selector, pattern) => page.waitForFunction(
+  ([at, source, flags]) => new RegExp(source, flags).test(document.querySelector(at).textContent),
+  [selector, pattern.source, pattern.flags]);
+
 const paint = (page) => page.evaluate(() => new Promise((ready) => requestAnimationFrame(() => requestAnimationFrame(ready))));
 
 // How many pixels of the scene have about the color of this name.
@@ -177,9 +182,9 @@ test("the vehicle drives, and what is around it is drawn", async (page) => {
     const now = window.fastcycle.live.drive.egoAt(window.fastcycle.state().time);
     return Math.hypot(now.x - x, now.y - y) > 2;
   }, before);
-  assert.ok((await state(page)).objects > 3, "objects");
-  assert.match(await page.textContent("#readout"), /m\/s/);
-  await page.waitForFunction(() => document.getElementById("state").textContent !== "");
+  await page.waitForFunction(() => window.fastcycle.state().objects > 3);
+  await says(page, "#readout", /m\/s/);
+  await says(page, "#state", /./);
   const { firstPicture } = await state(page);
   console.log(`        first picture after ${firstPicture.toFixed(0)} ms`);
 });
@@ -215,7 +220,7 @@ test("one can look back, and go on with what is now", async (page) => {
   await page.waitForFunction((to) => Math.abs(window.fastcycle.state().time - to) < 1e-6, Math.max(0, time - 1.1));
   await page.waitForFunction((newest) => window.fastcycle.state().newest > newest + 0.2, (await state(page)).newest);
   assert.ok(Math.abs((await state(page)).time - Math.max(0, time - 1.1)) < 1e-6, "it stands");
-  assert.match(await page.textContent("#time"), /s ago/);
+  await says(page, "#time", /s ago/);
   assert.equal(await page.getAttribute("#live", "aria-pressed"), "false");
   await page.click("#play");  // From there on.
   await page.waitForFunction((to) => window.fastcycle.state().time > to, Math.max(0, time - 1.1) + 0.05);
@@ -249,10 +254,10 @@ test("the graph has all components, and says more of one that is chosen", async 
     document.querySelector('#graph .component[data-name="perception"]').textContent));
   await page.focus('#graph .component[data-name="perception"]');
   await page.keyboard.press("Enter");
-  assert.match(await page.textContent("#details"), /perception.*callbacks take.*p99/s);
+  await says(page, "#details", /perception.*callbacks take.*p99/s);
   await page.focus('#graph .topic[data-name="planning/plan"]');
   await page.keyboard.press("Enter");
-  await page.waitForFunction(() => /from.*motion_planning.*to.*plan_checker/s.test(document.getElementById("details").textContent));
+  await says(page, "#details", /from.*motion_planning.*to.*plan_checker/s);
   await picture(page, "live_page");
 });
 
@@ -270,7 +275,7 @@ test("fields of messages are curves: by button, by keyboard and dragged", async 
     return data && data.slice(1).every((list) => list.filter((value) => Number.isFinite(value)).length > 10);
   }, plot);
   await values(0);
-  assert.match(await page.textContent("#plots .curves"), /localization\/ego speed_mps/);
+  await says(page, "#plots .curves", /localization\/ego speed_mps/);
   // Into the same plot, and another field by the mouse.
   await page.selectOption("#plot_target", { label: "plot 1" });
   await topic.getByRole("button", { name: "plot acceleration_mps2" }).click();
@@ -345,7 +350,7 @@ test("a component can be stopped and started", async (page) => {
 test("of a latency chain it says where the time goes", async (page) => {
   await show(page, "chains");
   await page.waitForFunction(() => document.querySelectorAll("#chains .most").length === 1);
-  assert.match(await page.textContent("#chains"), /lidar_to_can.*lidar\/points → can\/command: at most 250 ms.*perception.*takes the most/s);
+  await says(page, "#chains", /lidar_to_can.*lidar\/points → can\/command: at most 250 ms.*perception.*takes the most/s);
   await picture(page, "live_page_chains");
 });
 
@@ -448,9 +453,8 @@ test("it fits a phone", async (page) => {
 
 test("it says that the run has ended", async (page) => {
   await end(first);
-  await page.waitForFunction(() => /connection has ended/.test(document.getElementById("notice").textContent));
-  assert.equal(await page.textContent("#connection"), "not connected");
-  await page.waitForFunction(() => /next try/.test(document.getElementById("notice").textContent));
+  await says(page, "#notice", /connection has ended.*next try/);
+  await says(page, "#connection", /^not connected$/);
   await page.close();  // It would try again.
   // That the browser writes of tries that fail is no error of the page.
   problems.splice(0, problems.length, ...problems.filter((one) => !/WebSocket connection|ERR_CONNECTION|Failed to load/.test(one)));
@@ -467,7 +471,7 @@ test("what the run does not allow cannot be pressed", async (_, open) => {
   await show(other, "params");
   await other.locator("#params .param").first().waitFor();
   assert.equal(await other.locator("#params :is(input, select):not(:disabled)").count(), 0);
-  assert.match(await other.textContent("#params_allowed"), /--inspect-allow params/);
+  await says(other, "#params_allowed", /--inspect-allow params/);
   assert.deepEqual(await paleTexts(other), []);
   await other.close();
   await end(second);
@@ -481,8 +485,8 @@ test("a recording is played, and moved to any time", async (_, open) => {
   const other = await open(viewer.address);
   const at = (time) => other.waitForFunction((expected) => Math.abs(window.fastcycle.state().time - expected) < 1e-6, time);
   await at(2);
-  assert.equal(await other.textContent("#connection"), "recording");
-  assert.equal(await other.textContent("#play"), "play");
+  await says(other, "#connection", /^recording$/);
+  await says(other, "#play", /^play$/);
   await shows(other, "--object", 50);
   assert.equal(await other.locator("#tab_params").isVisible(), false);
   await picture(other, "view");
@@ -500,8 +504,8 @@ test("a recording is played, and moved to any time", async (_, open) => {
   await other.click("#play");
   await other.waitForFunction(() => window.fastcycle.state().time > 2);
   await other.keyboard.press("End");
-  await other.waitForFunction(() => document.querySelector("#play").textContent === "play");
-  assert.match(await other.textContent("#time"), /^(6\.\d\d) of \1 s$/);
+  await says(other, "#play", /^play$/);
+  await says(other, "#time", /^(6\.\d\d) of \1 s$/);
   assert.deepEqual(await paleTexts(other), []);
   await other.close();
   await end(viewer);
