@@ -2,101 +2,23 @@
 
 #include <utility>
 
+#include "trace/perfetto.pb.h"
+
 namespace fastcycle::trace {
 namespace {
 
-// Field numbers, by message.
-namespace trace_field {
-constexpr unsigned kPacket = 1;
-}
-namespace packet_field {
-constexpr unsigned kClockSnapshot = 6;
-constexpr unsigned kTimestamp = 8;
-constexpr unsigned kSequenceId = 10;
-constexpr unsigned kTrackEvent = 11;
-constexpr unsigned kInternedData = 12;
-constexpr unsigned kSequenceFlags = 13;
-constexpr unsigned kPreviousDropped = 42;
-constexpr unsigned kDefaults = 59;
-constexpr unsigned kTrackDescriptor = 60;
-}  // namespace packet_field
-namespace defaults_field {
-constexpr unsigned kTimestampClockId = 58;
-}
-namespace snapshot_field {
-constexpr unsigned kClocks = 1;
-constexpr unsigned kPrimaryTraceClock = 2;
-constexpr unsigned kClockId = 1;
-constexpr unsigned kClockTimestamp = 2;
-}  // namespace snapshot_field
-namespace event_field {
-constexpr unsigned kCategoryIids = 3;
-constexpr unsigned kDebugAnnotations = 4;
-constexpr unsigned kType = 9;
-constexpr unsigned kNameIid = 10;
-constexpr unsigned kTrackUuid = 11;
-constexpr unsigned kCounterValue = 30;
-constexpr unsigned kFlowIds = 47;
-constexpr unsigned kTerminatingFlowIds = 48;
-}  // namespace event_field
-namespace annotation_field {
-constexpr unsigned kNameIid = 1;
-constexpr unsigned kIntValue = 4;
-constexpr unsigned kStringValue = 6;
-constexpr unsigned kName = 10;
-}  // namespace annotation_field
-namespace interned_field {
-constexpr unsigned kEventCategories = 1;
-constexpr unsigned kEventNames = 2;
-constexpr unsigned kDebugAnnotationNames = 3;
-constexpr unsigned kIid = 1;
-constexpr unsigned kName = 2;
-}  // namespace interned_field
-namespace track_field {
-constexpr unsigned kUuid = 1;
-constexpr unsigned kName = 2;
-constexpr unsigned kProcess = 3;
-constexpr unsigned kThread = 4;
-constexpr unsigned kParentUuid = 5;
-constexpr unsigned kCounter = 8;
-constexpr unsigned kProcessPid = 1;
-constexpr unsigned kProcessName = 6;
-constexpr unsigned kThreadPid = 1;
-constexpr unsigned kThreadTid = 2;
-constexpr unsigned kThreadName = 5;
-constexpr unsigned kCounterUnitName = 6;
-}  // namespace track_field
-
-constexpr std::uint64_t kSequence = 1;  // All packets are one sequence.
-constexpr std::uint64_t kStateCleared = 1;
-constexpr std::uint64_t kNeedsState = 2;
-constexpr std::uint64_t kRealtimeClock = 1;
-constexpr std::uint64_t kMonotonicClock = 3;
-constexpr std::uint64_t kBootClock = 6;
+constexpr std::uint32_t kSequence = 1;  // All packets are one sequence.
+constexpr std::uint32_t kStateCleared = 1;
+constexpr std::uint32_t kNeedsState = 2;
+constexpr std::uint32_t kRealtimeClock = 1;
+constexpr std::uint32_t kMonotonicClock = 3;
+constexpr std::uint32_t kBootClock = 6;
 
 }  // namespace
 
-void Fields::fixed(unsigned field, std::uint64_t value) {
-  put((field << 3U) | 1U);
-  for (int i = 0; i < 8; ++i) {
-    bytes_.push_back(static_cast<char>(value & 0xff));
-    value >>= 8U;
-  }
-}
+Packets::Packets() : trace_(std::make_unique<perfetto::Trace>()) {}
 
-void Fields::end_message(std::size_t begin) {
-  std::size_t size = bytes_.size() - begin - 1;
-  if (size < 0x80) {
-    bytes_[begin] = static_cast<char>(size);
-    return;
-  }
-  std::string length;
-  for (; size >= 0x80; size >>= 7U) {
-    length.push_back(static_cast<char>(size | 0x80));
-  }
-  length.push_back(static_cast<char>(size));
-  bytes_.replace(begin, 1, length);
-}
+Packets::~Packets() = default;
 
 std::uint64_t Packets::name(const std::string& text) {
   const auto [place, is_new] = iids_.try_emplace(text, names_.size() + 1);
@@ -106,12 +28,15 @@ std::uint64_t Packets::name(const std::string& text) {
   return place->second;
 }
 
-template <typename Fill>
-void Packets::packet(const Fill& fill) {
-  Fields(bytes_).message(trace_field::kPacket, [&](Fields& packet) {
-    packet.number(packet_field::kSequenceId, kSequence);
-    fill(packet);
-  });
+perfetto::Packet& Packets::begin_packet() {
+  trace_->Clear();
+  perfetto::Packet& packet = *trace_->add_packets();
+  packet.set_sequence(kSequence);
+  return packet;
+}
+
+void Packets::end_packet() {
+  trace_->AppendToString(&bytes_);
 }
 
 void Packets::begin_anew() noexcept {
@@ -126,141 +51,110 @@ void Packets::begin_state() {
   if (std::exchange(has_state_, true)) {
     return;
   }
-  packet([&](Fields& packet) {
-    packet.number(packet_field::kSequenceFlags, kStateCleared);
-    if (std::exchange(has_lost_, false)) {
-      packet.number(packet_field::kPreviousDropped, 1);
-    }
-    packet.message(packet_field::kDefaults, [](Fields& defaults) {
-      defaults.number(defaults_field::kTimestampClockId, kMonotonicClock);
-    });
-  });
+  perfetto::Packet& packet = begin_packet();
+  packet.set_sequence_flags(kStateCleared);
+  if (std::exchange(has_lost_, false)) {
+    packet.set_has_lost_before(true);
+  }
+  packet.mutable_defaults()->set_clock(kMonotonicClock);
+  end_packet();
 }
 
 void Packets::add(const Clocks& clocks) {
   begin_state();
-  packet([&](Fields& packet) {
-    packet.message(packet_field::kClockSnapshot, [&](Fields& snapshot) {
-      const auto add_clock = [&](std::uint64_t id, std::int64_t time_ns) {
-        snapshot.message(snapshot_field::kClocks, [&](Fields& clock) {
-          clock.number(snapshot_field::kClockId, id);
-          clock.number(snapshot_field::kClockTimestamp, static_cast<std::uint64_t>(time_ns));
-        });
-      };
-      add_clock(kMonotonicClock, clocks.monotonic_ns);
-      add_clock(kBootClock, clocks.boot_ns);
-      add_clock(kRealtimeClock, clocks.real_ns);
-      snapshot.number(snapshot_field::kPrimaryTraceClock, kMonotonicClock);
-    });
-  });
+  auto& snapshot = *begin_packet().mutable_clock_snapshot();
+  for (const auto& [id, time_ns] :
+       {std::pair(kMonotonicClock, clocks.monotonic_ns), std::pair(kBootClock, clocks.boot_ns),
+        std::pair(kRealtimeClock, clocks.real_ns)}) {
+    auto& clock = *snapshot.add_clocks();
+    clock.set_id(id);
+    clock.set_time_ns(static_cast<std::uint64_t>(time_ns));
+  }
+  snapshot.set_primary_clock(kMonotonicClock);
+  end_packet();
 }
 
 void Packets::add(const Track& track) {
   begin_state();
-  packet([&](Fields& packet) {
-    packet.message(packet_field::kTrackDescriptor, [&](Fields& descriptor) {
-      descriptor.number(track_field::kUuid, track.id);
-      if (track.parent != 0) {
-        descriptor.number(track_field::kParentUuid, track.parent);
-      }
-      if (track.thread != 0) {
-        descriptor.message(track_field::kThread, [&](Fields& thread) {
-          thread.number(track_field::kThreadPid, static_cast<std::uint64_t>(track.process));
-          thread.number(track_field::kThreadTid, static_cast<std::uint64_t>(track.thread));
-          thread.text(track_field::kThreadName, track.name);
-        });
-      } else if (track.process != 0) {
-        descriptor.message(track_field::kProcess, [&](Fields& process) {
-          process.number(track_field::kProcessPid, static_cast<std::uint64_t>(track.process));
-          process.text(track_field::kProcessName, track.name);
-        });
-      } else {
-        descriptor.text(track_field::kName, track.name);
-      }
-      if (track.is_counter) {
-        descriptor.message(track_field::kCounter, [](Fields& counter) {
-          counter.text(track_field::kCounterUnitName, "messages");
-        });
-      }
-    });
-  });
+  auto& descriptor = *begin_packet().mutable_track_descriptor();
+  descriptor.set_id(track.id);
+  if (track.parent != 0) {
+    descriptor.set_parent(track.parent);
+  }
+  if (track.thread != 0) {
+    auto& thread = *descriptor.mutable_thread();
+    thread.set_pid(static_cast<std::int32_t>(track.process));
+    thread.set_tid(track.thread);
+    thread.set_name(track.name);
+  } else if (track.process != 0) {
+    auto& process = *descriptor.mutable_process();
+    process.set_pid(static_cast<std::int32_t>(track.process));
+    process.set_name(track.name);
+  } else {
+    descriptor.set_name(track.name);
+  }
+  if (track.is_counter) {
+    descriptor.mutable_counter()->set_unit("messages");
+  }
+  end_packet();
 }
 
-void Packets::add_names(Fields& packet, const Event& event) {
-  const auto is_new_annotation = [&](const Annotation& annotation) {
-    return !names_[annotation.name - 1].is_annotation_known;
+// The names that the event uses for the first time.
+void Packets::add_names(perfetto::Packet& packet, const Event& event) {
+  const auto add_name = [&](std::uint64_t id, bool Name::* is_known, auto add_to) {
+    if (id == 0 || std::exchange(names_[id - 1].*is_known, true)) {
+      return;
+    }
+    perfetto::InternedData::Name& name = *add_to(*packet.mutable_interned_data());
+    name.set_id(id);
+    name.set_text(names_[id - 1].text);
   };
-  bool is_any_new = (event.name != 0 && !names_[event.name - 1].is_event_known) ||
-                    (event.category != 0 && !names_[event.category - 1].is_category_known);
+  add_name(event.category, &Name::is_category_known,
+           [](perfetto::InternedData& data) { return data.add_categories(); });
+  add_name(event.name, &Name::is_event_known,
+           [](perfetto::InternedData& data) { return data.add_events(); });
   for (const Annotation& annotation : event.annotations) {
-    is_any_new = is_any_new || is_new_annotation(annotation);
+    add_name(annotation.name, &Name::is_annotation_known,
+             [](perfetto::InternedData& data) { return data.add_annotations(); });
   }
-  if (!is_any_new) {
-    return;
-  }
-  packet.message(packet_field::kInternedData, [&](Fields& interned) {
-    const auto add_name = [&](unsigned field, std::uint64_t iid, bool& is_known) {
-      if (iid == 0 || std::exchange(is_known, true)) {
-        return;
-      }
-      interned.message(field, [&](Fields& name) {
-        name.number(interned_field::kIid, iid);
-        name.text(interned_field::kName, names_[iid - 1].text);
-      });
-    };
-    if (event.category != 0) {
-      add_name(interned_field::kEventCategories, event.category,
-               names_[event.category - 1].is_category_known);
-    }
-    if (event.name != 0) {
-      add_name(interned_field::kEventNames, event.name, names_[event.name - 1].is_event_known);
-    }
-    for (const Annotation& annotation : event.annotations) {
-      add_name(interned_field::kDebugAnnotationNames, annotation.name,
-               names_[annotation.name - 1].is_annotation_known);
-    }
-  });
 }
 
 void Packets::add(const Event& event) {
   begin_state();
   ++events_;
-  packet([&](Fields& packet) {
-    packet.number(packet_field::kTimestamp, static_cast<std::uint64_t>(event.time_ns));
-    packet.number(packet_field::kSequenceFlags, kNeedsState);
-    add_names(packet, event);
-    packet.message(packet_field::kTrackEvent, [&](Fields& track_event) {
-      track_event.number(event_field::kType, static_cast<std::uint64_t>(event.type));
-      track_event.number(event_field::kTrackUuid, event.track);
-      if (event.category != 0) {
-        track_event.number(event_field::kCategoryIids, event.category);
-      }
-      if (event.name != 0) {
-        track_event.number(event_field::kNameIid, event.name);
-      }
-      if (event.type == EventType::kCounter) {
-        track_event.number(event_field::kCounterValue, static_cast<std::uint64_t>(event.value));
-      }
-      if (event.flow_from != 0) {
-        track_event.fixed(event_field::kFlowIds, event.flow_from);
-      }
-      if (event.flow_to != 0) {
-        track_event.fixed(event_field::kTerminatingFlowIds, event.flow_to);
-      }
-      for (const Annotation& annotation : event.annotations) {
-        track_event.message(event_field::kDebugAnnotations, [&](Fields& field) {
-          field.number(annotation_field::kNameIid, annotation.name);
-          field.number(annotation_field::kIntValue, static_cast<std::uint64_t>(annotation.value));
-        });
-      }
-      if (!event.text.empty()) {
-        track_event.message(event_field::kDebugAnnotations, [&](Fields& field) {
-          field.text(annotation_field::kName, "what");
-          field.text(annotation_field::kStringValue, event.text);
-        });
-      }
-    });
-  });
+  perfetto::Packet& packet = begin_packet();
+  packet.set_timestamp_ns(static_cast<std::uint64_t>(event.time_ns));
+  packet.set_sequence_flags(kNeedsState);
+  add_names(packet, event);
+  auto& track_event = *packet.mutable_track_event();
+  track_event.set_type(static_cast<std::int32_t>(event.type));
+  track_event.set_track(event.track);
+  if (event.category != 0) {
+    track_event.add_categories(event.category);
+  }
+  if (event.name != 0) {
+    track_event.set_name(event.name);
+  }
+  if (event.type == EventType::kCounter) {
+    track_event.set_counter_value(event.value);
+  }
+  if (event.flow_from != 0) {
+    track_event.add_flows(event.flow_from);
+  }
+  if (event.flow_to != 0) {
+    track_event.add_ending_flows(event.flow_to);
+  }
+  for (const Annotation& annotation : event.annotations) {
+    auto& number = *track_event.add_annotations();
+    number.set_interned_name(annotation.name);
+    number.set_integer(annotation.value);
+  }
+  if (!event.text.empty()) {
+    auto& text = *track_event.add_annotations();
+    text.set_name("what");
+    text.set_text(std::string(event.text));
+  }
+  end_packet();
 }
 
 }  // namespace fastcycle::trace

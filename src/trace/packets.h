@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -9,46 +10,10 @@
 
 namespace fastcycle::trace {
 
-/// Appends fields of a message to `bytes`, in protobuf's wire format:
-/// https://protobuf.dev/programming-guides/encoding/
-///
-/// @threads  Confined.
-class Fields {
- public:
-  explicit Fields(std::string& bytes) : bytes_(bytes) {}
-
-  void number(unsigned field, std::uint64_t value) {
-    put(field << 3U);
-    put(value);
-  }
-  void fixed(unsigned field, std::uint64_t value);
-  void text(unsigned field, std::string_view value) {
-    put((field << 3U) | 2U);
-    put(value.size());
-    bytes_.append(value);
-  }
-  /// A nested message: `fill` adds its fields.
-  template <typename Fill>
-  void message(unsigned field, const Fill& fill) {
-    put((field << 3U) | 2U);
-    const std::size_t begin = bytes_.size();
-    bytes_.push_back('\0');  // Most lengths fit one byte.
-    fill(*this);
-    end_message(begin);
-  }
-
- private:
-  void put(std::uint64_t value) {
-    while (value >= 0x80) {
-      bytes_.push_back(static_cast<char>(value | 0x80));
-      value >>= 7U;
-    }
-    bytes_.push_back(static_cast<char>(value));
-  }
-  void end_message(std::size_t begin);
-
-  std::string& bytes_;
-};
+namespace perfetto {
+class Packet;
+class Trace;
+}  // namespace perfetto
 
 /// Type of a track event. The numbers are the format's.
 enum class EventType : std::uint8_t { kBegin = 1, kEnd = 2, kInstant = 3, kCounter = 4 };
@@ -83,10 +48,7 @@ struct Track {
   bool is_counter = false;
 };
 
-/// Encodes the packets of a trace in Perfetto's format, as far as needed here. Field numbers are
-/// those of its public definitions, package perfetto.protos:
-/// https://github.com/google/perfetto/tree/main/protos/perfetto/trace (trace_packet.proto,
-/// clock_snapshot.proto, track_event/*.proto, interned_data/interned_data.proto)
+/// Encodes the packets of a trace in Perfetto's format, as far as needed here (perfetto.proto).
 ///
 /// Names are interned: written once, and numbers from then on. After packets were discarded, call
 /// `begin_anew`: what follows is self-contained.
@@ -94,6 +56,11 @@ struct Track {
 /// @threads  Confined.
 class Packets {
  public:
+  Packets();
+  Packets(const Packets&) = delete;
+  Packets& operator=(const Packets&) = delete;
+  ~Packets();
+
   /// The permanent number of `text`. Not 0.
   std::uint64_t name(const std::string& text);
 
@@ -118,10 +85,10 @@ class Packets {
   void begin_anew() noexcept;
 
  private:
-  template <typename Fill>
-  void packet(const Fill& fill);
+  perfetto::Packet& begin_packet();
+  void end_packet();
   void begin_state();
-  void add_names(Fields& packet, const Event& event);
+  void add_names(perfetto::Packet& packet, const Event& event);
 
   struct Name {
     std::string text;
@@ -130,6 +97,7 @@ class Packets {
     bool is_annotation_known = false;
   };
 
+  std::unique_ptr<perfetto::Trace> trace_;  // One packet, whose memory is used again.
   std::string bytes_;
   std::uint64_t events_ = 0;
   std::vector<Name> names_;

@@ -8,34 +8,6 @@
 namespace fastcycle::trace {
 namespace {
 
-TEST(Fields, AreWrittenInProtobufsWireFormat) {
-  std::string bytes;
-  Fields fields(bytes);
-
-  fields.number(1, 150);
-  fields.text(2, "testing");
-  fields.fixed(3, 1);
-  fields.message(4, [](Fields& inner) { inner.number(1, 1); });
-
-  // The first two are the examples of the format's description.
-  EXPECT_EQ(bytes, std::string("\x08\x96\x01"
-                               "\x12\x07testing"
-                               "\x19\x01\0\0\0\0\0\0\0"
-                               "\x22\x02\x08\x01",
-                               25));
-}
-
-TEST(Fields, AMessageThatIsLongHasALengthOfSeveralBytes) {
-  for (const std::size_t size : {127U, 128U, 16'383U, 16'384U, 100'000U}) {
-    std::string bytes;
-    const std::string text(size, 'x');
-
-    Fields(bytes).message(4, [&](Fields& inner) { inner.text(1, text); });
-
-    EXPECT_EQ(read_message(read_message(bytes).text(4)).text(1), text);
-  }
-}
-
 TEST(Packets, NamesAreWrittenOnceAndAgainAfterALoss) {
   Packets packets;
   const std::uint64_t name = packets.name("planner: serve");

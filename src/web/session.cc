@@ -441,6 +441,9 @@ void Session::get_params(const Json& json) {
   request.mutable_params();
   hub_.ask(*this, std::move(request),
            [this, names, id = foxglove::text_of(json, "id")](const protocol::Answer& answer) {
+             if (answer.has_error()) {
+               refuse(answer.error().text());
+             }
              Json values = Json::array();
              for (const protocol::Param& param : answer.params().params()) {
                if (names.empty() || names.contains(name_of(param))) {

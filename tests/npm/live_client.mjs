@@ -192,7 +192,7 @@ async function readLog(name) {
 // ---- The run ----
 
 const run = spawn(fastcycle, ["run", application, "--live", "127.0.0.1:0", "--inspect-allow", "params,publish",
-                              "--for", "300s", "--set", "logging.file=live.mcap", "--quiet"],
+                              "--rate", "0.25", "--for", "300s", "--set", "logging.file=live.mcap", "--quiet"],
                   { cwd: folder, stdio: ["ignore", "ignore", "pipe"] });
 const ended = new Promise((done) => run.on("exit", done));
 let url = "";
