@@ -119,6 +119,8 @@ class Peers {
   /// there, before its start. The first is called as `on_notice`.
   std::function<std::string()> make_snapshot;
   std::function<void(const std::string&)> take_snapshot;
+  /// Called as `make_snapshot` when its snapshot of so many bytes has no room: the last one stays.
+  std::function<void(std::size_t bytes, std::size_t room)> on_snapshot_refused;
   /// In simulated time, at the end of a round, before its notices are handled.
   std::function<void()> on_round_ends;
   /// In simulated time, at the end of a round, before `on_notice`: whether `is_busy` returned true

@@ -198,6 +198,15 @@ void Application::listen_to_peers() {
     modes_.take_snapshot(json.at("modes").get<std::string>());
     params_.take_snapshot(json.at("params").get<std::string>());
   };
+  peers_->on_snapshot_refused = [this](std::size_t bytes, std::size_t room) {
+    if (peers_->is_main() && !std::exchange(has_reported_snapshot_, true)) {
+      own_log_.write(
+          LogLevel::kError,
+          fmt::format("the params changed in this run take {} bytes, {} have room: a process that "
+                      "is restarted from now on may not get the last changes",
+                      bytes, room));
+    }
+  };
 }
 
 void Application::build(ComponentClasses& classes, config::Problems& problems,

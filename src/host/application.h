@@ -354,6 +354,7 @@ class Application final : public ApplicationHost {
   std::optional<config::RecordDescription> recorded_;
   std::optional<config::FlightRecorderDescription> kept_;
   PoolReporter pool_reporter_{own_log_};
+  bool has_reported_snapshot_ = false;  ///< That it has no room. Of the thread of the notices.
   Observers observers_;
   RecorderObserver* recorder_ = nullptr;        ///< One of the observers, as the next one.
   FlightObserver* flight_recorder_ = nullptr;   ///< Null if there is none.

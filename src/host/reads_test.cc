@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -84,22 +85,35 @@ class Looking final : public Component {
   Publisher<Int64Value> out_;
 };
 
+/// Observes more in one activation than the recorder has room for.
+class Observing final : public Component {
+ public:
+  using Component::Component;
+  void serve() override {
+    std::ignore = observe("text", [] { return std::string(100'000, 'x'); });
+  }
+};
+
 class Reads : public testing::Test {
  protected:
-  Reads() { classes_.with<Counting>("counting").with<Looking>("looking"); }
+  Reads() {
+    classes_.with<Counting>("counting").with<Looking>("looking").with<Observing>("observing");
+  }
 
   /// Runs both for `time`, and reads what the log says of the component that looks.
   void run(const ClockOptions& clock, Duration time) {
+    run(clock, time, R"({"name": "looks",
+        "modes": {"stand": {}, "drive": {"components": ["looking"]}}, "initial_mode": "drive",
+        "components": [
+          {"name": "counting", "library": "counting", "serve_period_ms": 2},
+          {"name": "looking", "library": "looking", "serve_period_ms": 3}]})");
+  }
+  void run(const ClockOptions& clock, Duration time, const char* description) {
     const std::filesystem::path file = folder_.path() / "log.mcap";
     {
       config::Problems problems;
-      const auto application = std::make_unique<Application>(describe_text(R"({"name": "looks",
-          "modes": {"stand": {}, "drive": {"components": ["looking"]}}, "initial_mode": "drive",
-          "components": [
-            {"name": "counting", "library": "counting", "serve_period_ms": 2},
-            {"name": "looking", "library": "looking", "serve_period_ms": 3}]})",
-                                                                           problems),
-                                                             clock);
+      const auto application =
+          std::make_unique<Application>(describe_text(description, problems), clock);
       config::RecordDescription recorded;
       recorded.file = file;
       application->record(recorded);
@@ -108,9 +122,12 @@ class Reads : public testing::Test {
       application->start();
       application->run(time);
       application->stop();
-      for (const auto& subscription : application->topics().find("numbers")->subscriptions) {
-        if (subscription->kind == detail::Subscription::Kind::kHistory) {
-          delivered_ = subscription->ledger().delivered;
+      counted_lost_ = application->recorder()->reads_lost();
+      if (const auto* const numbers = application->topics().find("numbers")) {
+        for (const auto& subscription : numbers->subscriptions) {
+          if (subscription->kind == detail::Subscription::Kind::kHistory) {
+            delivered_ = subscription->ledger().delivered;
+          }
         }
       }
     }
@@ -137,6 +154,7 @@ class Reads : public testing::Test {
   std::map<std::uint64_t, log::Activation> looking_;
   std::uint64_t delivered_ = 0;  ///< To the view of "numbers".
   std::uint64_t lost_ = 0;
+  std::uint64_t counted_lost_ = 0;  ///< By the recorder.
 };
 
 TEST_F(Reads, SayWhichMessagesAViewTookOverInWhichActivation) {
@@ -204,6 +222,15 @@ TEST_F(Reads, SayWhatAnswersWereGiven) {
     }
   }
   EXPECT_GT(ticks, 2);
+}
+
+TEST_F(Reads, ThatAreTooManyAreCounted) {
+  run({.is_simulated = true, .workers = 1}, 20ms,
+      R"({"name": "observes", "components": [
+        {"name": "observing", "library": "observing", "serve_period_ms": 5}]})");
+
+  EXPECT_GT(lost_, 0U);
+  EXPECT_EQ(counted_lost_, lost_);
 }
 
 TEST_F(Reads, AreAllThereAfterALiveRun) {

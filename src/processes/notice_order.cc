@@ -291,9 +291,12 @@ void NoticeOrder::put_snapshot() {
   } else {
     read.push_back({ProcessPlan::kMain, incarnation_, notices_.sent()});
   }
-  notices_.put_snapshot(
+  const std::string snapshot =
       nlohmann::json{{"recipients", recipients_}, {"read", read}, {"state", peers_.make_snapshot()}}
-          .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace));
+          .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  if (!notices_.put_snapshot(snapshot) && peers_.on_snapshot_refused) {
+    peers_.on_snapshot_refused(snapshot.size(), segment::SnapshotWords::kBytes);
+  }
 }
 
 // ---- Simulated time ----

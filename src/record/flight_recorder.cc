@@ -211,8 +211,9 @@ void FlightRecorder::keep_activations() {
     set_incarnation(message, its.incarnation);
     message.set_lost(its.lost);
     for (const detail::ActivationRecord& activation : its.records) {
-      add(message, activation, activations_.seen_in(activation),
-          streams_.leaves_out(activation.publisher));
+      const SeenReads& seen = activations_.seen_in(activation);
+      reads_lost_ += seen.lost;
+      add(message, activation, seen, streams_.leaves_out(activation.publisher));
     }
     activations_lost_ += its.lost;
     scratch_.clear();
@@ -418,6 +419,7 @@ FlightReport FlightRecorder::report() const {
                       .messages = messages_,
                       .bytes = bytes_,
                       .activations_lost = activations_lost_,
+                      .reads_lost = reads_lost_,
                       .problem = problem_,
                       .dumps = dumps_,
                       .triggers_refused = triggers_refused_.load(std::memory_order_relaxed)};

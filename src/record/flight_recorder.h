@@ -48,6 +48,7 @@ struct FlightReport {
   std::uint64_t too_large = 0;  ///< Lost: larger than half of the ring.
   std::uint64_t process = 0;    ///< Lost: on the way from the publishing process.
   std::uint64_t activations_lost = 0;
+  std::uint64_t reads_lost = 0;        ///< Of components.
   std::string problem = {};            ///< Error of the ring; empty if there is none.
   std::vector<FlightDump> dumps;       ///< In the order of writing.
   std::uint64_t triggers_refused = 0;  ///< After `kDumpsMax` dumps, or the queue was full.
@@ -188,6 +189,7 @@ class FlightRecorder {
   std::uint64_t messages_ = 0;
   std::uint64_t bytes_ = 0;
   std::uint64_t activations_lost_ = 0;
+  std::uint64_t reads_lost_ = 0;
 
   // Shared by both threads.
   mutable std::mutex mutex_;

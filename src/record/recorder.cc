@@ -251,7 +251,9 @@ void Recorder::take_activations() {
     set_incarnation(activations, its.incarnation);
     activations.set_lost(activations.lost() + its.lost);
     for (const detail::ActivationRecord& record : its.records) {
-      add(activations, record, activations_.seen_in(record), streams_.leaves_out(record.publisher));
+      const SeenReads& seen = activations_.seen_in(record);
+      reads_lost_.fetch_add(seen.lost, std::memory_order_relaxed);
+      add(activations, record, seen, streams_.leaves_out(record.publisher));
     }
     if (activations.activations_size() >= kActivationsAtOnce) {
       hand_over(std::move(open.batch));

@@ -118,6 +118,8 @@ class Recorder {
 
   [[nodiscard]] std::vector<RecordedTopic> topics() const;
   [[nodiscard]] std::uint64_t activations_lost() const { return activations_lost_; }
+  /// Reads of components that were overwritten before they were recorded.
+  [[nodiscard]] std::uint64_t reads_lost() const { return reads_lost_; }
   /// The last message of `on_trouble`; empty if there was none. Safe.
   ///
   /// @realtime No lock, no system call.
@@ -208,6 +210,7 @@ class Recorder {
   std::array<std::uint32_t, 3> own_sequences_{};  ///< By channel, for those that are no topic's.
   std::optional<std::uint32_t> round_;  ///< Simulated time: the round being taken, in its moment.
   std::atomic<std::uint64_t> activations_lost_{0};
+  std::atomic<std::uint64_t> reads_lost_{0};
 
   // Past messages; under `mutex_`, except the last one. Never erased.
   static constexpr std::size_t kTroublesMax = 256;

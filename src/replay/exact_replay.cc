@@ -236,8 +236,7 @@ std::string ExactReplay::find_gap(const record::RecordedSchedule::Component& rec
     }
     if (activation.reads_lost > 0 && i > first) {
       return fmt::format(
-          "{} things that activation {} or one before it learned came faster than "
-          "the recorder took them",
+          "{} reads of activation {} or one before it came faster than the recorder took them",
           activation.reads_lost, expected);
     }
     ++expected;

@@ -277,6 +277,7 @@ ordered_json json_of(const RecordingReport& recording) {
   return {{"files", recording.files},
           {"problem", recording.problem},
           {"activations_lost", recording.activations_lost},
+          {"reads_lost", recording.reads_lost},
           {"topics", std::move(topics)}};
 }
 
@@ -307,6 +308,7 @@ ordered_json json_of(const record::FlightReport& flight_recorder) {
             {"too_large", flight_recorder.too_large},
             {"process", flight_recorder.process}}},
           {"activations_lost", flight_recorder.activations_lost},
+          {"reads_lost", flight_recorder.reads_lost},
           {"dumps", std::move(dumps)},
           {"triggers_refused", flight_recorder.triggers_refused}};
 }
@@ -913,6 +915,20 @@ std::string reasons_text(const record::RecordedTopic& topic) {
   return text;
 }
 
+/// What the log of the activations misses.
+std::string missing_text(std::uint64_t activations, std::uint64_t reads) {
+  std::string text;
+  if (activations > 0) {
+    text += fmt::format("  {} activations are missing: their rate was too high\n", activations);
+  }
+  if (reads > 0) {
+    text += fmt::format(
+        "  {} reads of components are missing: their rate was too high; `verify` ends there\n",
+        reads);
+  }
+  return text;
+}
+
 std::string recording_text(const RecordingReport& recording) {
   record::RecordedTopic all;
   std::string losses;
@@ -925,29 +941,29 @@ std::string recording_text(const RecordingReport& recording) {
                         "      ");
     }
   }
-  std::string text = fmt::format("RECORDED {} messages of {} topics, {:.1f} MB, {}\n", all.recorded,
-                                 recording.topics.size(), static_cast<double>(all.bytes) / 1e6,
-                                 losses.empty() ? "nothing lost" : "with losses");
+  std::string text =
+      fmt::format("RECORDED {} messages of {} topics, {:.1f} MB, {}\n", all.recorded,
+                  recording.topics.size(), static_cast<double>(all.bytes) / 1e6,
+                  losses.empty() && recording.activations_lost == 0 && recording.reads_lost == 0
+                      ? "nothing lost"
+                      : "with losses");
   for (const std::string& file : recording.files) {
     text += wrapped("  " + file, "      ");
   }
   if (!recording.problem.empty()) {
     text += wrapped("  incomplete: " + recording.problem, "      ");
   }
-  if (recording.activations_lost > 0) {
-    text += fmt::format("  {} activations are missing: their rate was too high\n",
-                        recording.activations_lost);
-  }
-  return text + losses;
+  return text + missing_text(recording.activations_lost, recording.reads_lost) + losses;
 }
 
 std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
   const std::uint64_t lost = flight_recorder.overflow + flight_recorder.pool +
                              flight_recorder.too_large + flight_recorder.process;
-  std::string text =
-      fmt::format("FLIGHT RECORDER kept {} messages, {:.1f} MB, in {}, {}\n",
-                  flight_recorder.messages, static_cast<double>(flight_recorder.bytes) / 1e6,
-                  flight_recorder.file.string(), lost == 0 ? "nothing lost" : "with losses");
+  std::string text = fmt::format(
+      "FLIGHT RECORDER kept {} messages, {:.1f} MB, in {}, {}\n", flight_recorder.messages,
+      static_cast<double>(flight_recorder.bytes) / 1e6, flight_recorder.file.string(),
+      lost + flight_recorder.activations_lost + flight_recorder.reads_lost == 0 ? "nothing lost"
+                                                                                : "with losses");
   if (lost > 0) {
     text += fmt::format(
         "  {} lost in their queues, {} by exhausted pools, {} larger than half of the ring, {} "
@@ -955,6 +971,7 @@ std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
         flight_recorder.overflow, flight_recorder.pool, flight_recorder.too_large,
         flight_recorder.process);
   }
+  text += missing_text(flight_recorder.activations_lost, flight_recorder.reads_lost);
   if (!flight_recorder.problem.empty()) {
     text += wrapped("  " + flight_recorder.problem, "      ");
   }
@@ -1075,6 +1092,7 @@ RunReport make_report(const Application& application, Duration wall) {
     }
     recording.problem = recorder->problem();
     recording.activations_lost = recorder->activations_lost();
+    recording.reads_lost = recorder->reads_lost();
     recording.topics = recorder->topics();
   }
   if (const record::FlightRecorder* flight_recorder = application.flight_recorder()) {

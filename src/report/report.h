@@ -89,6 +89,7 @@ struct RecordingReport {
   std::vector<std::string> files = {};
   std::string problem = {};  ///< Last error of its files; empty if there was none.
   std::uint64_t activations_lost = 0;
+  std::uint64_t reads_lost = 0;  ///< Of components.
   std::vector<record::RecordedTopic> topics = {};
 };
 

@@ -174,14 +174,15 @@ void pass(Archive& archive, record::RecordedTopic& topic) {
 }
 template <typename Archive>
 void pass(Archive& archive, RecordingReport& report) {
-  pass_all(archive, report.files, report.problem, report.activations_lost, report.topics);
+  pass_all(archive, report.files, report.problem, report.activations_lost, report.reads_lost,
+           report.topics);
 }
 template <typename Archive>
 void pass(Archive& archive, record::FlightReport& report) {
   // Without its dumps, which are reported on standard error as they are written.
   pass_all(archive, report.file, report.capacity, report.messages, report.bytes, report.overflow,
-           report.pool, report.too_large, report.process, report.activations_lost, report.problem,
-           report.triggers_refused);
+           report.pool, report.too_large, report.process, report.activations_lost,
+           report.reads_lost, report.problem, report.triggers_refused);
 }
 template <typename Archive>
 void pass(Archive& archive, ModesReport::Switch& report) {

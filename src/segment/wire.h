@@ -159,6 +159,7 @@ struct alignas(64) NoticeWords {
 /// Summary of earlier notices for a restarted process: a text that is replaced.
 struct alignas(64) SnapshotWords {
   static constexpr std::size_t kWords = std::size_t{1} << 13U;
+  static constexpr std::size_t kBytes = kWords * sizeof(std::uint64_t);
 
   std::atomic<std::uint64_t> version;  ///< Odd during a write; 0: there is none.
   std::atomic<std::uint64_t> bytes;

@@ -1,8 +1,10 @@
 // The components of the applications that run in several processes.
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <csignal>
+#include <cstddef>
 #include <cstdint>
 #include <stdexcept>
 #include <stop_token>
@@ -256,7 +258,11 @@ class Steering final : public fastcycle::Component {
         back_at_(context.param<std::int64_t>("back_at", {.fallback = 0})),
         change_at_(context.param<std::int64_t>("change_at", {.fallback = 0})),
         gain_(context.param<std::string>("gain", {.fallback = "3"})),
-        gains_(context.param<std::int64_t>("own_gain", {.fallback = 1, .is_tunable = true})) {
+        gains_(context.param<std::int64_t>("own_gain", {.fallback = 1, .is_tunable = true})),
+        note_bytes_(context.param<std::int64_t>("note_bytes", {.fallback = 0})),
+        notes_{context.param<std::string>("note_0", {.fallback = "", .is_tunable = true}),
+               context.param<std::string>("note_1", {.fallback = "", .is_tunable = true}),
+               context.param<std::string>("note_2", {.fallback = "", .is_tunable = true})} {
     context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       if (reading.value() == switch_at_.get()) {
         this->context().switch_mode("degraded", "it was asked to");
@@ -275,16 +281,34 @@ class Steering final : public fastcycle::Component {
                                         }
                                       });
       }
+      // One after another: a transaction has no room for all.
+      for (std::size_t i = 0; note_bytes_.get() > 0 && i < notes_.size(); ++i) {
+        if (reading.value() == change_at_.get() + 30 * static_cast<std::int64_t>(i + 1)) {
+          change("steering.note_" + std::to_string(i));
+        }
+      }
       report("own_gain", gains_.get());
     });
   }
 
  private:
+  void change(const std::string& note) {
+    const std::string text(static_cast<std::size_t>(note_bytes_.get()), 'x');
+    context().change_params({{note, '"' + text + '"'}},
+                            [this](const fastcycle::ParamsResult& result) {
+                              noted_ += result.has_changed() ? 1 : 0;
+                              report("noted", noted_);
+                            });
+  }
+
+  std::int64_t noted_ = 0;
   fastcycle::Param<std::int64_t> switch_at_;
   fastcycle::Param<std::int64_t> back_at_;
   fastcycle::Param<std::int64_t> change_at_;
   fastcycle::Param<std::string> gain_;
   fastcycle::Param<std::int64_t> gains_;
+  fastcycle::Param<std::int64_t> note_bytes_;
+  std::array<fastcycle::Param<std::string>, 3> notes_;
 };
 
 /// Counts readings while it is active.

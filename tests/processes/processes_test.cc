@@ -594,6 +594,18 @@ TEST_F(ComponentsInProcesses, ChangeParamsOfOthersAllOrNone) {
   EXPECT_EQ(said["results"]["own_gain"], 1);
 }
 
+TEST_F(ComponentsInProcesses, SayThatMoreParamsHaveChangedThanARestartedProcessGets) {
+  Process few(options(steered(R"("change_at": 60, "note_bytes": 10000)")));
+  EXPECT_EQ(few.wait().exit_code, 0) << few.errors().substr(0, 2000);
+  EXPECT_EQ(report()["results"].value("noted", 0), 3);
+  EXPECT_THAT(few.errors(), Not(HasSubstr("have room")));
+
+  Process many(options(steered(R"("change_at": 60, "note_bytes": 25000)")));
+  EXPECT_EQ(many.wait().exit_code, 0) << many.errors().substr(0, 2000);
+  EXPECT_EQ(report()["results"].value("noted", 0), 3);
+  EXPECT_THAT(many.errors(), HasSubstr("a process that is restarted from now on may not get"));
+}
+
 /// Of where the one who steers stands in the application file: 0 is before the others.
 class ComponentsThatAreSteered : public ComponentsInProcesses,
                                  public testing::WithParamInterface<std::size_t> {};
