@@ -396,8 +396,18 @@ void ComponentCore::fail(std::string_view what) {
   }
 }
 
+void ComponentCore::post_fault(std::uint64_t object, const std::string& what) {
+  post(
+      Cause::kFault,
+      [this, object, what] {
+        publishing.learned(ReadKind::kThrew, what);
+        take_fault_of_thread(object, what);
+      },
+      nullptr, fault_key_of_thread(object));
+}
+
 void ComponentCore::take_fault_of_thread(std::uint64_t object, const std::string& what) {
-  if (restart_count != object) {
+  if (object != kAnyObject && restart_count != object) {
     note_fault(what);
     return;
   }

@@ -103,11 +103,14 @@ class ComponentCore final : public Actor {
   /// the transaction; of the answer to a change that the component requested, this and its number.
   static constexpr std::uint64_t kParamsAsked = std::uint64_t{1} << 63U;
 
-  /// A thread of its object number `object` threw `what`; in an activation. It becomes a fault of
-  /// the component, unless it was reconstructed since.
+  /// A fault of its object number `object` that comes from outside of its callbacks: a thread of
+  /// its own threw, or the fault is injected. An activation of its own takes it. Safe.
+  void post_fault(std::uint64_t object, const std::string& what);
+  static constexpr std::uint64_t kAnyObject = (std::uint64_t{1} << 63U) - 1;
+  /// In that activation. It becomes a fault of the component, unless it was reconstructed since.
   void take_fault_of_thread(std::uint64_t object, const std::string& what);
-  /// The keys of faults in the log of a run: of threads, by the number of the object; of offloaded
-  /// work, by its own; of a service that released a request unanswered, 0.
+  /// The keys of faults in the log of a run: of threads and injected ones, by the number of the
+  /// object; of offloaded work, by its own; of a service that released a request unanswered, 0.
   static constexpr std::uint64_t kThreadFault = std::uint64_t{1} << 63U;
   [[nodiscard]] static constexpr std::uint64_t fault_key_of_thread(std::uint64_t object) {
     return kThreadFault | object;

@@ -186,14 +186,7 @@ void Lifecycle::run_thread(OwnThread& its) {
   } catch (...) {
     what = "something that is no std::exception";
   }
-  what = "its thread \"" + its.named.name + "\" threw: " + what;
-  its.component.post(
-      Cause::kFault,
-      [&component = its.component, object = its.object, what] {
-        component.publishing.learned(detail::ReadKind::kThrew, what);
-        component.take_fault_of_thread(object, what);
-      },
-      nullptr, ComponentCore::fault_key_of_thread(its.object));
+  its.component.post_fault(its.object, "its thread \"" + its.named.name + "\" threw: " + what);
 }
 
 void Lifecycle::end_thread(OwnThread& its) noexcept {

@@ -823,9 +823,8 @@ void Application::strike(const config::FaultDescription& fault, bool is_over) {
   }
   switch (fault.kind) {
     case config::FaultKind::kThrow:
-      driver_->between_rounds([&component, name = fault.name] {
-        component.post(detail::Cause::kEvent,
-                       [name] { throw std::runtime_error("the injected fault \"" + name + "\""); });
+      driver_->between_rounds([&component, what = "the injected fault \"" + fault.name + "\""] {
+        component.post_fault(ComponentCore::kAnyObject, what);
       });
       break;
     case config::FaultKind::kCrash:

@@ -294,6 +294,15 @@ TEST_F(InjectedFaults, AreInTheLogAndVerifiedAsFarAsItIsComplete) {
   EXPECT_EQ(verify.wait().exit_code, 0) << verify.output() << verify.errors();
   EXPECT_THAT(verify.errors(), Not(HasSubstr("corrupt")));
 
+  for (const char* on_fault : {"restart", "stop"}) {
+    run(R"({"list": [{"kind": "throw", "component": "tracker", "from_s": 5}]}, "components": [
+        {"name": "tracker", "on_fault": ")" +
+            std::string(on_fault) + R"("}])",
+        {"--record", std::string(on_fault) + ".mcap"});
+    Process thrown(program({"verify", std::string(on_fault) + ".mcap", "--component", "tracker"}));
+    EXPECT_EQ(thrown.wait().exit_code, 0) << thrown.output() << thrown.errors();
+  }
+
   run(R"({"list": [{"kind": "corrupt", "topic": "sweeps", "field": "objects.range_m",
       "as": "nan", "messages": [7]}]})",
       {"--record", "corrupt.mcap"});
