@@ -253,6 +253,10 @@ void Composer::add_part(Value& tree, const Value& part, const Value* name_space)
   if (const Value& modes = part["modes"]; modes.size() > 0) {
     problems_.add(make_error(modes.place(), "only the main application file may define modes"));
   }
+  if (const Value* mode = part.find("initial_mode")) {
+    problems_.add(
+        make_error(mode->place(), "only the main application file may define the initial mode"));
+  }
   if (const Value& chains = part["chains"]; chains.size() > 0) {
     problems_.add(
         make_error(chains[0].place(), "only the main application file may define chains"));

@@ -142,7 +142,7 @@ TEST_F(ComposeTest, ModesAreOfTheFileThatIsRunAndOfOverlays) {
   folder.write("app.json", R"({"name": "app", "include": [{"file": "a.json"}],
       "modes": {"one": {"components": ["a"]}, "two": {}}, "initial_mode": "one",
       "components": [{"name": "a", "library": "l"}]})");
-  folder.write("a.json", R"({"modes": {"three": {}}})");
+  folder.write("a.json", R"({"modes": {"three": {}}, "initial_mode": "three"})");
   const auto overlay = folder.write("over.json", R"({"initial_mode": "two",
       "modes": {"one": null, "two": {"executors": ["x"]}}})");
 
@@ -154,6 +154,20 @@ TEST_F(ComposeTest, ModesAreOfTheFileThatIsRunAndOfOverlays) {
   EXPECT_EQ(app.initial_mode, "two");
   EXPECT_NE(text_of(problems).find("only the main application file may define modes"),
             std::string::npos);
+  EXPECT_NE(text_of(problems).find("only the main application file may define the initial mode"),
+            std::string::npos);
+}
+
+TEST_F(ComposeTest, FilesOfTheLiveServerAreRelativeToTheirFile) {
+  folder.write("app.json", R"({"name": "app", "components": [{"name": "a", "library": "l"}],
+      "live": {"token_file": "keys/token", "certificate": "/etc/cert.pem", "key": "key.pem"}})");
+
+  const ApplicationDescription app = describe(compose());
+
+  ASSERT_TRUE(app.live.has_value());
+  EXPECT_EQ(app.live->token_file, (folder.path() / "keys/token").string());
+  EXPECT_EQ(app.live->certificate, "/etc/cert.pem");
+  EXPECT_EQ(app.live->key, (folder.path() / "key.pem").string());
 }
 
 TEST_F(ComposeTest, ChainsAreMergedByTheirName) {

@@ -579,14 +579,14 @@ std::optional<LiveDescription> describe_live(const Value& value) {
   read_integer(value, "port", live.port);
   read_texts(value, "publish", live.publish);
   read_texts(value, "origins", live.origins);
-  const auto read_text = [&](const char* name, std::string& to) {
+  const auto read_path = [&](const char* name, std::string& to) {
     if (const Value* text = find_string(value, name)) {
-      to = text->as_string();
+      to = text->as_path().string();
     }
   };
-  read_text("token_file", live.token_file);
-  read_text("certificate", live.certificate);
-  read_text("key", live.key);
+  read_path("token_file", live.token_file);
+  read_path("certificate", live.certificate);
+  read_path("key", live.key);
   if (const Value* tls = value.find("tls"); tls != nullptr && tls->is_bool()) {
     live.tls = tls->as_bool();
   }

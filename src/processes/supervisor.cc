@@ -580,6 +580,10 @@ Supervisor::Result Supervisor::run() {
   for (const int signal : {SIGINT, SIGTERM, SIGUSR1}) {
     sigaddset(&signals, signal);
   }
+  struct sigaction hang_up{};
+  if (sigaction(SIGHUP, nullptr, &hang_up) == 0 && hang_up.sa_handler != SIG_IGN) {
+    sigaddset(&signals, SIGHUP);
+  }
   for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
     if (!fork_one(process)) {
       kill_all();

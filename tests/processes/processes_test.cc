@@ -441,18 +441,20 @@ TEST_F(ComponentsInProcesses, EndAtOnceWhenAskedToAgainAlsoWhereAProcessStandsSt
 }
 
 TEST_F(ComponentsInProcesses, EndInOrderWhenAskedTo) {
-  Process run(options(application(R"("process": "relaying")", "", 1'000'000)));
-  while (test::processes_of_session(run.pid()) < 3) {
-    std::this_thread::sleep_for(10ms);
+  for (const int signal : {SIGINT, SIGHUP}) {  // By Ctrl-C, and when the terminal is closed.
+    Process run(options(application(R"("process": "relaying")", "", 1'000'000)));
+    while (test::processes_of_session(run.pid()) < 3) {
+      std::this_thread::sleep_for(10ms);
+    }
+    std::this_thread::sleep_for(1s);
+
+    run.send(signal);
+
+    EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+    const json said = report();
+    EXPECT_EQ(said["end"], "stopped on request");
+    expect_ledgers(said);
   }
-  std::this_thread::sleep_for(1s);
-
-  run.send(SIGINT);
-
-  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
-  const json said = report();
-  EXPECT_EQ(said["end"], "stopped on request");
-  expect_ledgers(said);
 }
 
 /// All messages of a log as text, then what the log says of their origins and rounds: this comes in
