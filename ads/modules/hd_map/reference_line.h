@@ -34,7 +34,6 @@ struct ReferenceLine {
 /// then averaged with Gaussian weights, as wide as the permitted shift allows, which smooths the
 /// corners of the map's lines; in a curve of radius R weights of deviation s shift the line inwards
 /// by s²/2R.
-/// the line inwards by s²/2R.
 ReferenceLine reference_line(const LaneGraph& graph, const LanePath& path,
                              const ReferenceOptions& options);
 

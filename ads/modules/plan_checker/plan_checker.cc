@@ -40,13 +40,13 @@ Limits read_limits(fastcycle::Context& context) {
   read(limits.jerk_max_mps3, "jerk_max_mps3", 1000.0, "m/s^3", "That brakes can follow");
   read(limits.lateral_max_mps2, "lateral_max_mps2", 20.0, "m/s^2", "That tyres can hold");
   read(limits.comfort_braking_mps2, "comfort_braking_mps2", 20.0, "m/s^2",
-       "Distance outside all lanes from which it is noted");
+       "Braking from which it is noted");
   read(limits.comfort_acceleration_mps2, "comfort_acceleration_mps2", 20.0, "m/s^2",
-       "Distance outside all lanes from which it is noted");
+       "Acceleration from which it is noted");
   read(limits.comfort_jerk_mps3, "comfort_jerk_mps3", 1000.0, "m/s^3",
-       "Distance outside all lanes from which it is noted");
+       "Jerk from which it is noted");
   read(limits.comfort_lateral_mps2, "comfort_lateral_mps2", 20.0, "m/s^2",
-       "Distance outside all lanes from which it is noted");
+       "Lateral acceleration from which it is noted");
   read(limits.start_distance_max_m, "start_distance_max_m", 10.0, "m",
        "Maximum distance between the vehicle and its planned position");
   read(limits.start_heading_max_rad, "start_heading_max_rad", 3.2, "rad",
