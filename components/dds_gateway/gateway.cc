@@ -485,12 +485,14 @@ void Gateway::stop() {
     report(name + " asked", static_cast<std::int64_t>(service->asked));
     report(name + " answered", static_cast<std::int64_t>(service->answered));
     report(name + " failed", static_cast<std::int64_t>(service->failed));
+    report(name + " lost", static_cast<std::int64_t>(service->lost()));
   }
   report_clocks();
   if (params_ != nullptr) {
     report("parameters asked", static_cast<std::int64_t>(params_->asked));
     report("parameters answered", static_cast<std::int64_t>(params_->answered));
     report("parameters failed", static_cast<std::int64_t>(params_->failed));
+    report("parameters lost", static_cast<std::int64_t>(params_->lost()));
   }
   close();
   report_health();

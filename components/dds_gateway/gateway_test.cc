@@ -490,6 +490,8 @@ TEST_P(ServiceTest, RequestsGoOneWayAndRepliesTheOther) {
   EXPECT_EQ(answered, 100);
   EXPECT_EQ(std::get<std::int64_t>(bench.result("server", "/set_bool answered")), 100);
   EXPECT_EQ(std::get<std::int64_t>(bench.result("client", "/set_bool answered")), 100);
+  EXPECT_EQ(std::get<std::int64_t>(bench.result("server", "/set_bool lost")), 0);
+  EXPECT_EQ(std::get<std::int64_t>(bench.result("client", "/set_bool lost")), 0);
 }
 
 // Two gateways, as in two processes: what one sends as it is, the other publishes.

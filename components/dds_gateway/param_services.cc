@@ -144,6 +144,14 @@ void ParamServices::close() {
   }
 }
 
+std::uint64_t ParamServices::lost() const {
+  std::uint64_t sum = 0;
+  for (const End& end : ends_) {
+    sum += end.reader == nullptr ? 0 : end.reader->lost();
+  }
+  return sum;
+}
+
 std::vector<Guid> ParamServices::readers() const {
   std::vector<Guid> guids;
   for (const End& end : ends_) {

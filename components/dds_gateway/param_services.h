@@ -48,6 +48,8 @@ class ParamServices {
   [[nodiscard]] std::vector<std::string> unknown() const;
 
   [[nodiscard]] std::vector<Guid> readers() const;
+  /// Requests lost on the way, or for lack of room.
+  [[nodiscard]] std::uint64_t lost() const;
   [[nodiscard]] std::vector<Guid> writers() const;
 
   std::uint64_t asked = 0;     ///< Requests received.

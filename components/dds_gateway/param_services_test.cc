@@ -301,6 +301,7 @@ TEST_P(ParamServicesTest, CountsRequestsThatAreNoneAndGoesOn) {
   bench_.stop();
   EXPECT_GE(std::get<std::int64_t>(bench_.result("gateway", "parameters failed")), 1);
   EXPECT_GE(std::get<std::int64_t>(bench_.result("gateway", "parameters answered")), 1);
+  EXPECT_EQ(std::get<std::int64_t>(bench_.result("gateway", "parameters lost")), 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, ParamServicesTest, ::testing::ValuesIn([] {

@@ -41,6 +41,8 @@ class ServiceCrossing {
 
   [[nodiscard]] const ServiceSettings& settings() const { return settings_; }
   [[nodiscard]] Guid reader() const { return reader_->guid(); }
+  /// Requests, or replies, lost on the way or for lack of room.
+  [[nodiscard]] std::uint64_t lost() const { return reader_ == nullptr ? 0 : reader_->lost(); }
   [[nodiscard]] Guid writer() const { return writer_->guid(); }
 
   std::uint64_t asked = 0;     ///< Requests received from either side.
