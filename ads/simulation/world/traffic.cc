@@ -26,6 +26,17 @@ constexpr double kLookahead_m = 100.0;
 // One drives behind what points in about the same direction.
 constexpr double kSameDirection_rad = 1.05;
 
+// Whether steps are missing between the states, and it cannot have moved from one to the other: a
+// simulation took it away and put it elsewhere.
+bool is_jump(const ScenarioState& before, const ScenarioState& after, double step_s) {
+  constexpr double kFactor = 2.0;
+  constexpr double kMargin_m = 2.0;
+  const auto steps = after.step - before.step;
+  const double way_m =
+      std::max(before.speed_mps, after.speed_mps) * static_cast<double>(steps) * step_s;
+  return steps > 1 && (after.position_m - before.position_m).norm() > kFactor * way_m + kMargin_m;
+}
+
 double height_of(const Obstacle& obstacle) {
   if (obstacle.type == "pedestrian") {
     return 1.75;
@@ -71,6 +82,9 @@ Recording::Recording(const Obstacle& obstacle, double step_s, double start_s)
     }
     speed_max_mps_ = std::max(speed_max_mps_, state.speed_mps);
   }
+  for (std::size_t i = 0; i + 1 < states_.size(); ++i) {
+    jumps_.push_back(is_jump(states_[i], states_[i + 1], step_s));
+  }
   if (length_m > 1.0) {
     way_.emplace(points);
   }
@@ -79,6 +93,13 @@ Recording::Recording(const Obstacle& obstacle, double step_s, double start_s)
 bool Recording::is_present(double time_s) const {
   // Times are sums of decimal fractions: half a microsecond is no time.
   constexpr double kSameTime = 5e-7;
+  if (!is_static_ && states_.size() > 1) {
+    const std::size_t index = index_at(times_s_, time_s);
+    if (jumps_[index] && time_s > times_s_[index] + kSameTime &&
+        time_s < times_s_[index + 1] - kSameTime) {
+      return false;
+    }
+  }
   return (is_there_before_ || time_s >= times_s_.front() - kSameTime) &&
          (is_static_ || time_s <= times_s_.back() + kSameTime);
 }

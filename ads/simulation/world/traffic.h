@@ -35,7 +35,9 @@ class Recording {
   /// Before `start_s` an obstacle present at that time approaches from behind at constant speed.
   Recording(const Obstacle& obstacle, double step_s, double start_s);
 
-  /// Whether the obstacle is present: from its first to its last state; a static one always.
+  /// Whether the obstacle is present: from its first to its last state, but for a jump, where steps
+  /// are missing and the places before and after are farther apart than its speed allows; a static
+  /// one always.
   [[nodiscard]] bool is_present(double time_s) const;
   /// @pre  `is_present(time_s)`
   [[nodiscard]] Pose at(double time_s) const;
@@ -58,6 +60,7 @@ class Recording {
   bool is_there_before_;
   std::vector<ScenarioState> states_;
   std::vector<double> times_s_;
+  std::vector<bool> jumps_;  // Whether it jumps from a state to the next one.
   std::vector<double> progress_m_;
   std::optional<Polyline> way_;
   double speed_max_mps_ = 0.0;

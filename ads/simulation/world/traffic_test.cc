@@ -47,6 +47,29 @@ TEST(Traffic, RecordedCarIsWhereItWasRecorded) {
   EXPECT_EQ(traffic.end_s(), 3.0);
 }
 
+TEST(Traffic, ObjectThatJumpsIsNotOnTheWay) {
+  const auto scenario = [](double x_m) {
+    return SmallScenario()
+        .obstacle("dynamicObstacle", 5,
+                  {{.step = 0, .speed_mps = 1.2},
+                   {.step = 1, .x_m = 0.12, .speed_mps = 1.2},
+                   {.step = 20, .x_m = x_m, .speed_mps = 1.2}})
+        .goal(0, 0, 1)
+        .scenario();
+  };
+  const Scenario far = scenario(150.0);
+  Traffic jumps(far, 0.0, TrafficMode::kReplay);
+  const Scenario near = scenario(2.5);
+  Traffic walks(near, 0.0, TrafficMode::kReplay);
+
+  for (const double time_s : {0.05, 0.1, 0.5, 1.9, 2.0}) {
+    jumps.move_to(time_s, kFarAway, 0.0);
+    walks.move_to(time_s, kFarAway, 0.0);
+    EXPECT_EQ(find(jumps, 5) != nullptr, time_s <= 0.1 || time_s >= 2.0) << time_s;
+    EXPECT_NE(find(walks, 5), nullptr) << time_s;
+  }
+}
+
 TEST(Traffic, HeadingTurnsTheShorterWay) {
   const Scenario scenario =
       SmallScenario()
