@@ -106,6 +106,7 @@ class ComponentCore final : public Actor {
   /// A fault of its object number `object` that comes from outside of its callbacks: a thread of
   /// its own threw, or the fault is injected. An activation of its own takes it. Safe.
   void post_fault(std::uint64_t object, const std::string& what);
+  /// As `object`: the one that is there when the fault is taken.
   static constexpr std::uint64_t kAnyObject = (std::uint64_t{1} << 63U) - 1;
   /// In that activation. It becomes a fault of the component, unless it was reconstructed since.
   void take_fault_of_thread(std::uint64_t object, const std::string& what);

@@ -202,8 +202,8 @@ void Application::listen_to_peers() {
     if (peers_->is_main() && !std::exchange(has_reported_snapshot_, true)) {
       own_log_.write(
           LogLevel::kError,
-          fmt::format("the params changed in this run take {} bytes, {} have room: a process that "
-                      "is restarted from now on may not get the last changes",
+          fmt::format("the params changed in this run take {} bytes, and there is room for {}: a "
+                      "process that is restarted from now on may not get the last changes",
                       bytes, room));
     }
   };

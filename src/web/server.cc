@@ -54,7 +54,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* kName = "live";
-constexpr auto kHeaderPatience = 5s;       // For a whole HTTP request.
+constexpr auto kHeaderPatience = 5s;       // For the first HTTP request of a connection.
 constexpr auto kNextPatience = 75s;        // For the next one of a client that has had an answer.
 constexpr auto kKeepAlive = "timeout=60";  // What clients are told: they close before the server.
 constexpr auto kAnswerPatience = 30s;      // For the reader of an answer.
