@@ -29,6 +29,10 @@ def points(root):
     return [(float(e.find("x").text), float(e.find("y").text)) for e in root.iter() if e.find("x") is not None]
 
 
+def points_of(root, path):
+    return [place for part in root.findall(path) for place in points(part)]
+
+
 def values(root, path):
     return [float(element.text) for element in root.findall(path)]
 
@@ -67,6 +71,30 @@ class TransformScenario(unittest.TestCase):
     def test_nothing_changes_where_nothing_is_asked_for(self):
         for scenario in SCENARIOS:
             self.assertEqual(points(read(scenario)), points(transform(scenario)))
+
+    def test_a_mirror_makes_right_out_of_left(self):
+        for scenario in SCENARIOS:
+            before, after = read(scenario), transform(scenario, "--mirror")
+            self.assertEqual([(x, -y) for x, y in points_of(before, ".//trajectory")], points_of(after, ".//trajectory"))
+            for path in (".//state/orientation/exact", ".//goalState/position/rectangle/orientation"):
+                self.assertEqual([-value for value in values(before, path)], values(after, path))
+            lanelets = list(zip(before.iter("lanelet"), after.iter("lanelet")))
+            for was, mirrored in lanelets:
+                self.assertEqual([(x, -y) for x, y in points_of(was, "leftBound")], points_of(mirrored, "rightBound"))
+                self.assertEqual([side.get("ref") for side in was.findall("adjacentLeft")],
+                                 [side.get("ref") for side in mirrored.findall("adjacentRight")])  # fmt: skip
+            self.assertTrue(any(was.findall("adjacentLeft") for was, _ in lanelets))
+
+    def test_two_mirrors_change_nothing(self):
+        for scenario in SCENARIOS:
+            with tempfile.TemporaryDirectory() as folder:
+                once = pathlib.Path(folder) / "once.xml"
+                ElementTree.ElementTree(transform(scenario, "--mirror")).write(once)
+                twice = transform(once, "--mirror")
+            before = read(scenario)
+            self.assertEqual(points(before), points(twice))
+            self.assertEqual([element.tag for element in before.iter()], [element.tag for element in twice.iter()])
+            self.assertEqual(values(before, ".//state/orientation/exact"), values(twice, ".//state/orientation/exact"))
 
     def test_cars_stand_where_they_are_put(self):
         for scenario in SCENARIOS:

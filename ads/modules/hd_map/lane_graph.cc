@@ -155,6 +155,7 @@ LaneGraph::LaneGraph(std::vector<MapLane> lanes, const MapLimits& limits) {
     }
   }
   check_references();
+  keeps_left_ = keeps_left();
   find_conflicts(limits.work + limits.work_per_lane * std::ssize(nodes_));
 }
 
@@ -257,7 +258,23 @@ void LaneGraph::find_conflicts(std::int64_t work_max) {
   }
 }
 
-void LaneGraph::add_conflict(Node& a, Node& b) {
+bool LaneGraph::keeps_left() const {
+  const auto is_opposite = [](const std::optional<LaneBeside>& side) {
+    return side && !side->is_same_direction;
+  };
+  double on_left_m = 0.0;
+  double on_right_m = 0.0;
+  for (const auto& [id, node] : nodes_) {
+    if (node.is_drivable()) {
+      on_left_m += is_opposite(node.lane.left) ? node.center.length_m() : 0.0;
+      on_right_m += is_opposite(node.lane.right) ? node.center.length_m() : 0.0;
+    }
+  }
+  // Maps have single lanes with the wrong neighbour.
+  return on_right_m > 3.0 * on_left_m;
+}
+
+void LaneGraph::add_conflict(Node& a, Node& b) const {
   a.conflicts.push_back(b.lane.id);
   b.conflicts.push_back(a.lane.id);
   if (yields(a, b)) {
@@ -291,7 +308,7 @@ bool LaneGraph::is_conflict(const Node& a, const Node& b, std::int64_t work_max,
   return runs_through(a.center, b, work_max, work) || runs_through(b.center, a, work_max, work);
 }
 
-bool LaneGraph::yields(const Node& a, const Node& b) {
+bool LaneGraph::yields(const Node& a, const Node& b) const {
   const auto ranks = [](bool of_a, bool of_b) { return of_a != of_b; };
   const bool a_walks = a.lane.kind == LaneKind::kCrossing;
   const bool b_walks = b.lane.kind == LaneKind::kCrossing;
@@ -306,8 +323,9 @@ bool LaneGraph::yields(const Node& a, const Node& b) {
   if (ranks(a_joins, b_joins) && share(a.lane.successors, b.lane.successors)) {
     return a_joins;
   }
-  const bool a_turns = turn_rad(a.center) > kTurn_rad;
-  const bool b_turns = turn_rad(b.center) > kTurn_rad;
+  const double across = keeps_left_ ? -1.0 : 1.0;
+  const bool a_turns = across * turn_rad(a.center) > kTurn_rad;
+  const bool b_turns = across * turn_rad(b.center) > kTurn_rad;
   const double between =
       std::abs(normalize_angle(a.center.heading_at(0.0) - b.center.heading_at(0.0)));
   if (ranks(a_turns, b_turns) && between > kOncoming_rad) {

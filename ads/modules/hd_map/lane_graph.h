@@ -66,7 +66,7 @@ struct MapLane {
   bool is_in_intersection = false;
   /// From its signs: above 0 for a priority road, below 0 for yield and stop.
   int priority = 0;
-  /// Lanes with traffic from the right that has priority.
+  /// Lanes with traffic from the right that has priority; from the left, if the map says so.
   std::vector<std::int64_t> from_right = {};
 };
 
@@ -79,8 +79,11 @@ struct MapLane {
 /// 1. the one that is not a pedestrian crossing;
 /// 2. the one with the lower `priority` of its signs;
 /// 3. the ramp, if it leads into the same lane as one that is not a ramp;
-/// 4. the one that turns left, to oncoming traffic that does not;
+/// 4. the one that turns left, to oncoming traffic that does not; in left-hand traffic, that turns
+///    right;
 /// 5. the one that has the other in `from_right`, unless both have priority.
+/// Traffic keeps to the left where lanes have the opposite direction on their right, for three
+/// times the length for which they have it on their left.
 ///
 /// @threads  Immutable.
 class LaneGraph {
@@ -120,12 +123,14 @@ class LaneGraph {
  private:
   void check_references() const;
   void find_conflicts(std::int64_t work_max);
-  static void add_conflict(Node& a, Node& b);
+  [[nodiscard]] bool keeps_left() const;
+  void add_conflict(Node& a, Node& b) const;
   [[nodiscard]] bool is_conflict(const Node& a, const Node& b, std::int64_t work_max,
                                  std::int64_t& work) const;
-  [[nodiscard]] static bool yields(const Node& a, const Node& b);
+  [[nodiscard]] bool yields(const Node& a, const Node& b) const;
 
   std::map<std::int64_t, Node> nodes_;
+  bool keeps_left_ = false;
 };
 
 }  // namespace ads

@@ -79,6 +79,21 @@ TEST(LaneGraph, WhoTurnsLeftYieldsToOncomingTraffic) {
   EXPECT_THAT(graph.node(2).yields_to, IsEmpty());
 }
 
+TEST(LaneGraph, WhereTrafficKeepsToTheLeftWhoTurnsRightYieldsToOncomingTraffic) {
+  MapLane turn{.id = 1,
+               .left_m = {{-10.0, 3.5}, {-1.0, 1.0}, {1.75, -10.0}},
+               .right_m = {{-10.0, 0.0}, {-4.0, -2.0}, {-1.75, -10.0}}};
+  // Lanes of a road elsewhere, each with the other on its right.
+  MapLane out = crossroad_lane(3, {100.0, 0.0}, {200.0, 0.0});
+  MapLane back = crossroad_lane(4, {200.0, -3.5}, {100.0, -3.5});
+  out.right = {.id = 4, .is_same_direction = false};
+  back.right = {.id = 3, .is_same_direction = false};
+  const LaneGraph graph({turn, crossroad_lane(2, {10.0, -3.0}, {-10.0, -3.0}), out, back});
+
+  EXPECT_THAT(graph.node(1).yields_to, ElementsAre(2));
+  EXPECT_THAT(graph.node(2).yields_to, IsEmpty());
+}
+
 TEST(LaneGraph, RampYieldsToTheRoadThatItJoins) {
   auto lanes = straight_road(2, 1);
   lanes.push_back(crossroad_lane(5, {0.0, -30.0}, {100.0, 0.0}));
