@@ -2,8 +2,8 @@
 """Drives the ADS through the given CommonRoad scenes, and reports the results by kind of road and cause.
 
     evaluate_scenes.py FOLDER_OR_FILE ... [--fastcycle PROGRAM] [--jobs N] [--traffic replay|reactive] [--out DIR]
-                       [--compare EARLIER.json] [--expect KNOWN.json] [--shuffle SEED] [--seconds S] [--pages] [--limit-s S]
-                       [-- WORD ...]
+                       [--compare EARLIER.json] [--expect KNOWN.json] [--sensor-faults SEED] [--shuffle SEED] [--seconds S]
+                       [--pages] [--limit-s S] [-- WORD ...]
 
 Each scene is driven in simulated time and ends at the goal or after the goal's time (README of world). It is
 judged by evaluate_drive.py, from the scenario's file, the way that was driven, and, where traffic reacts, the places of all
@@ -15,10 +15,14 @@ others as the world wrote them. The classes, the first that holds:
   collision, own fault        the first contact was the vehicle's fault, as evaluate_drive.py says
   hit by replayed traffic     it was not: others that follow a recording do not yield (or "hit by reacting traffic")
   off road                    the vehicle's centre was on no lanelet, nor within 0.05 m of one
+  minimal-risk stop           the same, because of a sensor's fault (--sensor-faults)
   no goal                     the goal state was not reached in its time
   solved, body over the edge  a part of the body was beyond all lanelets, farther than at the start
   solved, gap < 0.5 m         the smallest gap to another was below 0.5 m, and smaller than at the start
   solved
+
+With --sensor-faults one sensor of each drive fails: its messages are lost, not a number, frozen or late, from a random time of the
+drive on, for a while or to its end. SEED and the scene's name determine which.
 
 Prints a line for each scene as it ends, a Markdown table, and the improvements and regressions since EARLIER.json. DIR has scenes.json
 with an entry for each scene, scenes.html with the table and the drives' pictures, and a folder with the files of each drive;
@@ -52,11 +56,16 @@ import evaluate_drive  # noqa: E402
 GAP_M = 0.5
 SOLVED, GAP, EDGE = "solved", "solved, gap < 0.5 m", "solved, body over the edge"
 NO_GOAL, OFF_ROAD, COLLISION = "no goal", "off road", "collision, own fault"
+STOPPED = "minimal-risk stop"
 NO_ROUTE, TIMEOUT, REFUSED = "no route", "timeout", "refused"
 HIT = {"replay": "hit by replayed traffic", "reactive": "hit by reacting traffic"}
-CLASSES = [SOLVED, GAP, EDGE, NO_GOAL, *HIT.values(), COLLISION, OFF_ROAD, NO_ROUTE, TIMEOUT, REFUSED]
+CLASSES = [SOLVED, GAP, EDGE, STOPPED, NO_GOAL, *HIT.values(), COLLISION, OFF_ROAD, NO_ROUTE, TIMEOUT, REFUSED]
 BAD = {COLLISION, OFF_ROAD, TIMEOUT, REFUSED}
 PLANNING_MS = 100.0
+# The sensors' topics of ads.json, and a field of each that may become no number. Of the lidar, the driver's points do.
+SENSORS = {"lidar/points": None, "gnss/position": "x_m", "imu/motion": "angular_rate_radps.z", "vehicle/state": "speed_mps"}
+SENSOR_FAULTS = {"drop": "lost", "corrupt": "not a number", "freeze": "frozen", "delay": "late"}
+SETTLE_S = 5.0  # world's settle_s: the scenario begins then.
 # Nothing that is longer is one scene; what differs in all of them is left out.
 REASON_LENGTH_MAX = 300
 
@@ -98,6 +107,32 @@ def class_of(judged, traffic):
     return SOLVED, ""
 
 
+def last_step_s(root):
+    """Until when the goal may be reached, or the longest trajectory ends."""
+    steps = [float(end.text) for end in root.iterfind("planningProblem/goalState/time/intervalEnd")]
+    steps += [float(time.text) for time in root.iterfind("planningProblem/goalState/time/exact")]
+    steps += [float(time.text) for time in root.iterfind(".//trajectory/state/time/exact")] if not steps else []
+    return max(steps, default=50.0) * float(root.get("timeStepSize") or 0.1)
+
+
+def sensor_fault(root, name, seed):
+    """An overlay's faults and params of components for one failing sensor, and the fault in words."""
+    draw = random.Random(f"{seed} {name}")
+    topic, kind = draw.choice(list(SENSORS)), draw.choice(list(SENSOR_FAULTS))
+    begin = round(SETTLE_S + draw.uniform(0.5, max(1.0, last_step_s(root))), 2)
+    end = round(begin + draw.uniform(0.2, 3.0), 2) if draw.random() < 0.5 else None
+    text = f"{topic} {SENSOR_FAULTS[kind]} from {begin - SETTLE_S:.2f} s" + ("" if end is None else f" to {end - SETTLE_S:.2f} s")
+    if topic == "lidar/points" and kind == "corrupt":
+        return [], {"drivers": {"lidar_fault": "nan", "lidar_fault_after_s": begin}}, text.split(" to ")[0]
+    fault = {"kind": kind, "topic": topic, "from_s": begin} | ({} if end is None else {"to_s": end})
+    if kind == "corrupt":
+        fault |= {"field": SENSORS[topic], "as": "nan"}
+    if kind == "delay":
+        fault["by_ms"] = draw.randint(100, 1000)
+        text += f" by {fault['by_ms']} ms"
+    return [fault], {}, text
+
+
 class Interrupted(Exception):
     pass
 
@@ -130,7 +165,7 @@ class Drives:
     def settings_of(self, scene):
         mark = hashlib.sha256(scene.read_bytes()).hexdigest()
         return {"scene": mark, "program": self.program, "traffic": self.options.traffic, "words": self.options.words,
-                "limit_s": self.options.limit_s, "has_page": self.options.pages}  # fmt: skip
+                "limit_s": self.options.limit_s, "has_page": self.options.pages, "sensor_faults": self.options.sensor_faults}  # fmt: skip
 
     def stop(self):
         with self.lock:
@@ -178,7 +213,12 @@ class Drives:
         components = [{"name": "picture", "library": "ads/drive_picture"}]
         if not self.options.pages:
             components.append({"name": "logging", "library": None})
-        overlay.write_text(json.dumps({"components": components}))
+        settings_of_fault = {}
+        if self.options.sensor_faults is not None:
+            faults, params, _ = sensor_fault(ElementTree.parse(scene).getroot(), scene.stem, self.options.sensor_faults)
+            components += [{"name": name, "params": values} for name, values in params.items()]
+            settings_of_fault = {"faults": {"list": faults}}
+        overlay.write_text(json.dumps({"components": components} | settings_of_fault))
         words = [self.options.fastcycle, "run", self.options.application, "--overlay", overlay.name, "--clock", "simulated",
                  "--quiet", "--var", f"scenario={scene}", "--var", "trajectory=way.csv", "--var", "bodies=bodies.csv", "--var",
                  f"traffic={self.options.traffic}", "--report", "report.json", *self.options.words]  # fmt: skip
@@ -209,6 +249,8 @@ def evaluate(drives, scene):
     root = ElementTree.parse(scene).getroot()
     folder = options.out / scene.stem
     entry = {"scene": scene.stem, "kind": kind_of_road(root), "traffic": options.traffic, "is_new": is_new}
+    if options.sensor_faults is not None:
+        entry["fault"] = sensor_fault(root, scene.stem, options.sensor_faults)[2]
     if drive["code"] is None:
         return entry | {"class": TIMEOUT, "cause": f"not over after {options.limit_s:g} s"}
     report_file = folder / "report.json"
@@ -221,10 +263,16 @@ def evaluate(drives, scene):
         kind, cause = NO_ROUTE, reason_in(drive["output"], "no route: ")
     else:
         kind, cause = class_of(judged, options.traffic)
+    if kind == NO_GOAL and options.sensor_faults is not None and report["results"].get("state") in ("minimal-risk stop", "stopped"):
+        kind = STOPPED
     planning = report["components"]["motion_planning"]["callback_us"]
     times = {f"planning_ms_{name}": None if planning[name] is None else round(planning[name] / 1e3, 2) for name in ("p50", "p99", "max")}
     return entry | {"class": kind, "cause": cause, "says": report["results"].get("verdict"), "wall_s": round(report["wall_s"], 1),
                     "simulated_s": report["time_s"]} | times | judged  # fmt: skip
+
+
+def fault_of(entry):
+    return f" ({entry['fault']})" if entry.get("fault") else ""
 
 
 def number(value, digits=2):
@@ -303,7 +351,7 @@ def page(entries, out):
         link = next((f"{entry['scene']}/{name}" for name in ("recording.html", "drive.svg") if (folder / name).is_file()), None)
         name = html.escape(entry["scene"])
         cells = [f'<a href="{html.escape(link)}">{name}</a>' if link else name, html.escape(entry["kind"]), html.escape(entry["class"]),
-                 html.escape(entry["cause"])]  # fmt: skip
+                 html.escape(entry["cause"] + fault_of(entry))]  # fmt: skip
         goal = entry.get("goal_step")
         numbers = ["–" if goal is None else str(goal)] + [number(entry.get(key), digits) for key, digits in (
             ("smallest_gap_m", 2), ("over_edge_m", 2), ("acceleration_min_mps2", 1), ("acceleration_max_mps2", 1),
@@ -350,6 +398,7 @@ def read_options(words):
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("scenes"), help="output folder (scenes)")
     parser.add_argument("--compare", type=pathlib.Path, metavar="EARLIER.json", help="report improvements and regressions since this file")
     parser.add_argument("--expect", type=pathlib.Path, metavar="KNOWN.json", help="fail if a scene ends in a worse class than in this file")
+    parser.add_argument("--sensor-faults", type=int, metavar="SEED", help="one sensor of each drive fails, as SEED determines")
     parser.add_argument("--shuffle", type=int, metavar="SEED", help="drive the scenes in a random order, determined by this seed")
     parser.add_argument("--seconds", type=float, metavar="S", help="begin no drive after this time, in seconds")
     parser.add_argument("--pages", action="store_true", help="render a page of each drive (some MB each)")
@@ -395,13 +444,14 @@ def main():
                 entry = {"scene": tasks[task].stem, "kind": "other", "traffic": options.traffic, "is_new": True, "class": REFUSED,
                          "cause": str(error)[:REASON_LENGTH_MAX]}  # fmt: skip
             entries.append(entry)
-            print(f"{len(entries)}/{len(scenes)} {entry['scene']}: {entry['class']} {entry['cause']}".rstrip(), file=sys.stderr, flush=True)
+            print(f"{len(entries)}/{len(scenes)} {entry['scene']}: {entry['class']} {entry['cause']}".rstrip() + fault_of(entry), file=sys.stderr, flush=True)
     except KeyboardInterrupt:
         is_interrupted = True
         drives.stop()
     pool.shutdown(wait=True, cancel_futures=True)
     entries.sort(key=lambda entry: entry["scene"])
-    result = {"program": drives.program, "traffic": options.traffic, "words": options.words, "is_complete": len(entries) == len(scenes), "scenes": entries}
+    result = {"program": drives.program, "traffic": options.traffic, "words": options.words, "sensor_faults": options.sensor_faults,
+              "is_complete": len(entries) == len(scenes), "scenes": entries}  # fmt: skip
     new = options.out / "scenes.json.new"
     new.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     new.replace(options.out / "scenes.json")

@@ -2,6 +2,7 @@
 """Tests the classes that evaluate_scenes.py assigns to scenes."""
 
 import unittest
+import xml.etree.ElementTree as ElementTree
 
 import evaluate_scenes
 
@@ -33,6 +34,26 @@ class Compare(unittest.TestCase):
             ["won: 1", "  A: no goal → solved", "lost: 1", "  B: solved → no goal missed by place", "changed: 1", "  C: off road → no goal",
              "only now: 1", "only before: 1"],
         )  # fmt: skip
+
+
+class SensorFaults(unittest.TestCase):
+    SCENE = ElementTree.fromstring('<commonRoad timeStepSize="0.1"><planningProblem><goalState><time><intervalStart>10</intervalStart>'
+                                   '<intervalEnd>80</intervalEnd></time></goalState></planningProblem></commonRoad>')  # fmt: skip
+
+    def draw(self, seed):
+        return [evaluate_scenes.sensor_fault(self.SCENE, f"scene {number}", seed) for number in range(200)]
+
+    def test_seed_and_name_determine_the_fault(self):
+        self.assertEqual(self.draw(1), self.draw(1))
+        self.assertNotEqual(self.draw(1), self.draw(2))
+
+    def test_each_sensor_fails_in_each_way_while_the_scene_lasts(self):
+        words = {" ".join(text.split(" from ")[0].split()) for _, _, text in self.draw(1)}
+        self.assertEqual(words, {f"{sensor} {how}" for sensor in evaluate_scenes.SENSORS for how in evaluate_scenes.SENSOR_FAULTS.values()})
+        for faults, params, _ in self.draw(1):
+            begin = faults[0]["from_s"] if faults else params["drivers"]["lidar_fault_after_s"]
+            self.assertTrue(5.5 <= begin <= 13.0, begin)
+            self.assertEqual(len(faults) + len(params), 1)
 
 
 if __name__ == "__main__":
