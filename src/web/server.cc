@@ -110,13 +110,109 @@ std::string host_name() {
   return ::gethostname(name.data(), name.size() - 1) == 0 ? name.data() : std::string();
 }
 
+/// A copy of a handler that std::function may hold: a handler may be move-only.
+template <typename... Results, typename Handler>
+std::function<void(Results...)> copyable(Handler handler) {
+  const auto kept = std::make_shared<Handler>(std::move(handler));
+  return [kept](Results... results) { std::move (*kept)(results...); };
+}
+
+/// A connection, with or without TLS. It is one type, so that HTTP and WebSocket above it are
+/// compiled once.
+class Stream {
+ public:
+  using executor_type = beast::tcp_stream::executor_type;
+  using Ended = std::function<void(error_code)>;
+  using Transferred = std::function<void(error_code, std::size_t)>;
+
+  /// `tls` may be null, and has to outlive the stream.
+  Stream(tcp::socket socket, asio::ssl::context* tls) {
+    if (tls != nullptr) {
+      tls_ = std::make_unique<beast::ssl_stream<beast::tcp_stream>>(std::move(socket), *tls);
+    } else {
+      plain_ = std::make_unique<beast::tcp_stream>(std::move(socket));
+    }
+  }
+
+  [[nodiscard]] executor_type get_executor() { return next_layer().get_executor(); }
+  [[nodiscard]] beast::tcp_stream& next_layer() { return tls_ ? tls_->next_layer() : *plain_; }
+  [[nodiscard]] const beast::tcp_stream& next_layer() const {
+    return tls_ ? tls_->next_layer() : *plain_;
+  }
+
+  /// Without TLS there is no handshake, and it ends at once.
+  void shake_hands(Ended ended) {
+    if (tls_) {
+      tls_->async_handshake(asio::ssl::stream_base::server, std::move(ended));
+    } else {
+      ended({});
+    }
+  }
+
+  template <typename Buffers, typename Handler>
+  auto async_read_some(const Buffers& buffers, Handler&& handler) {
+    asio::mutable_buffer first;
+    for (auto at = asio::buffer_sequence_begin(buffers);
+         first.size() == 0 && at != asio::buffer_sequence_end(buffers); ++at) {
+      first = *at;
+    }
+    return asio::async_initiate<Handler, void(error_code, std::size_t)>(
+        [this](auto its_handler, asio::mutable_buffer to) {
+          read(to, copyable<error_code, std::size_t>(std::move(its_handler)));
+        },
+        handler, first);
+  }
+
+  template <typename Buffers, typename Handler>
+  auto async_write_some(const Buffers& buffers, Handler&& handler) {
+    return asio::async_initiate<Handler, void(error_code, std::size_t)>(
+        [this](auto its_handler, std::vector<asio::const_buffer> parts) {
+          write(parts, copyable<error_code, std::size_t>(std::move(its_handler)));
+        },
+        handler,
+        std::vector<asio::const_buffer>(asio::buffer_sequence_begin(buffers),
+                                        asio::buffer_sequence_end(buffers)));
+  }
+
+  template <typename Handler>
+  friend void async_teardown(beast::role_type role, Stream& stream, Handler&& handler) {
+    stream.tear_down(role, copyable<error_code>(std::forward<Handler>(handler)));
+  }
+
+ private:
+  void read(asio::mutable_buffer to, Transferred transferred) {
+    if (tls_) {
+      tls_->async_read_some(to, std::move(transferred));
+    } else {
+      plain_->async_read_some(to, std::move(transferred));
+    }
+  }
+  void write(const std::vector<asio::const_buffer>& parts, Transferred transferred) {
+    if (tls_) {
+      tls_->async_write_some(parts, std::move(transferred));
+    } else {
+      plain_->async_write_some(parts, std::move(transferred));
+    }
+  }
+  void tear_down(beast::role_type role, Ended ended) {
+    using websocket::async_teardown;
+    if (tls_) {
+      async_teardown(role, *tls_, std::move(ended));
+    } else {
+      async_teardown(role, *plain_, std::move(ended));
+    }
+  }
+
+  std::unique_ptr<beast::tcp_stream> plain_;  // One of the two.
+  std::unique_ptr<beast::ssl_stream<beast::tcp_stream>> tls_;
+};
+
 /// The layer below a WebSocket. The library's own frames (handshake, pings, close) wait here until
 /// the connection sends them with its own data: so all output of a client is sent at once, and not
 /// frame by frame.
-template <typename Next>
 class Below {
  public:
-  using executor_type = typename Next::executor_type;
+  using executor_type = Stream::executor_type;
 
   /// Output of the library, and its completion handler.
   struct Waiting {
@@ -124,12 +220,12 @@ class Below {
     std::function<void(error_code)> sent;
   };
 
-  Below(Next next, std::function<void()> want_write)
+  Below(Stream next, std::function<void()> want_write)
       : next_(std::move(next)), want_write_(std::move(want_write)) {}
 
   [[nodiscard]] executor_type get_executor() { return next_.get_executor(); }
-  [[nodiscard]] Next& next_layer() { return next_; }
-  [[nodiscard]] const Next& next_layer() const { return next_; }
+  [[nodiscard]] Stream& next_layer() { return next_; }
+  [[nodiscard]] const Stream& next_layer() const { return next_; }
   Waiting take_waiting() { return std::exchange(waiting_, {}); }
   [[nodiscard]] bool has_waiting() const { return !waiting_.bytes.empty(); }
 
@@ -157,12 +253,11 @@ class Below {
 
   template <typename Handler>
   friend void async_teardown(beast::role_type role, Below& below, Handler&& handler) {
-    using websocket::async_teardown;
     async_teardown(role, below.next_, std::forward<Handler>(handler));
   }
 
  private:
-  Next next_;
+  Stream next_;
   const std::function<void()> want_write_;
   Waiting waiting_;
 };
@@ -195,11 +290,7 @@ class Server::Net {
   }
 
  private:
-  class AnyConnection;
-  template <typename Stream>
   class Connection;
-  using PlainStream = beast::tcp_stream;
-  using TlsStream = beast::ssl_stream<beast::tcp_stream>;
 
   /// @errors  `std::exception` that describes the error.
   void prepare_tls();
@@ -230,7 +321,7 @@ class Server::Net {
   asio::steady_timer accept_timer_{io_};
   asio::posix::stream_descriptor news_{io_};  ///< A duplicate of the hub's.
   std::unique_ptr<Hub> hub_;
-  std::set<std::shared_ptr<AnyConnection>> connections_;
+  std::set<std::shared_ptr<Connection>> connections_;
   std::uint64_t refused_ = 0;
   Clock::time_point next_complaint_{};
   bool is_over_ = false;
@@ -238,47 +329,25 @@ class Server::Net {
   bool is_running_ = false;
 };
 
-/// The server's interface to a connection, with or without TLS.
-class Server::Net::AnyConnection : public std::enable_shared_from_this<AnyConnection> {
- public:
-  AnyConnection() = default;
-  AnyConnection(const AnyConnection&) = delete;
-  AnyConnection& operator=(const AnyConnection&) = delete;
-  virtual ~AnyConnection() = default;
-
-  virtual void begin() = 0;
-  /// Sends a close frame; reads nothing more.
-  virtual void close() = 0;
-  /// The network thread has ended.
-  virtual void abandon() = 0;
-};
-
 /// One socket: HTTP requests, and after an upgrade a WebSocket.
-template <typename Stream>
-class Server::Net::Connection final : public AnyConnection {
+class Server::Net::Connection : public std::enable_shared_from_this<Connection> {
  public:
-  template <typename... Arguments>
-  explicit Connection(Net& net, Arguments&&... arguments)
-      : net_(net), stream_(std::forward<Arguments>(arguments)...) {}
+  Connection(Net& net, Stream stream) : net_(net), stream_(std::move(stream)) {}
 
-  void begin() override {
-    if constexpr (std::is_same_v<Stream, TlsStream>) {
-      lowest().expires_after(kHeaderPatience);
-      stream_.async_handshake(asio::ssl::stream_base::server,
-                              [self = this->self()](error_code error) {
-                                if (error) {
-                                  self->net_.refuse("a connection without TLS was refused");
-                                  self->leave();
-                                  return;
-                                }
-                                self->read_request(kHeaderPatience);
-                              });
-    } else {
-      read_request(kHeaderPatience);
-    }
+  void begin() {
+    lowest().expires_after(kHeaderPatience);
+    stream_.shake_hands([self = self()](error_code error) {
+      if (error) {
+        self->net_.refuse("a connection without TLS was refused");
+        self->leave();
+        return;
+      }
+      self->read_request(kHeaderPatience);
+    });
   }
 
-  void abandon() override {
+  /// The network thread has ended.
+  void abandon() {
     is_closed_ = true;
     session_.reset();
     pages_.reset();
@@ -291,7 +360,8 @@ class Server::Net::Connection final : public AnyConnection {
     lowest().socket().close(ignored);
   }
 
-  void close() override {
+  /// Sends a close frame; reads nothing more.
+  void close() {
     if (is_closed_) {
       return;
     }
@@ -307,9 +377,7 @@ class Server::Net::Connection final : public AnyConnection {
   }
 
  private:
-  std::shared_ptr<Connection> self() {
-    return std::static_pointer_cast<Connection>(this->shared_from_this());
-  }
+  std::shared_ptr<Connection> self() { return shared_from_this(); }
   beast::tcp_stream& lowest() {
     return ws_ ? beast::get_lowest_layer(*ws_) : beast::get_lowest_layer(stream_);
   }
@@ -330,7 +398,7 @@ class Server::Net::Connection final : public AnyConnection {
   /// Removes the connection.
   void leave() {
     abandon();
-    net_.connections_.erase(this->shared_from_this());
+    net_.connections_.erase(self());
   }
 
   void read_request(std::chrono::seconds patience) {
@@ -339,7 +407,7 @@ class Server::Net::Connection final : public AnyConnection {
     parser_->body_limit(kMaxBodyBytes);
     lowest().expires_after(patience);
     http::async_read_header(stream_, buffer_, *parser_,
-                            [self = this->self()](error_code error, std::size_t) {
+                            [self = self()](error_code error, std::size_t) {
                               self->guarded([&] { self->take_header(error); });
                             });
   }
@@ -385,10 +453,9 @@ class Server::Net::Connection final : public AnyConnection {
       upgrade(subprotocol);
       return;
     }
-    http::async_read(stream_, buffer_, *parser_,
-                     [self = this->self()](error_code failed, std::size_t) {
-                       self->guarded([&] { self->take_request(failed); });
-                     });
+    http::async_read(stream_, buffer_, *parser_, [self = self()](error_code failed, std::size_t) {
+      self->guarded([&] { self->take_request(failed); });
+    });
   }
 
   /// Handles an HTTP request that may be answered.
@@ -446,7 +513,7 @@ class Server::Net::Connection final : public AnyConnection {
     response_.body() = std::move(page.body);
     response_.prepare_payload();
     lowest().expires_after(kAnswerPatience);
-    http::async_write(stream_, response_, [self = this->self()](error_code error, std::size_t) {
+    http::async_write(stream_, response_, [self = self()](error_code error, std::size_t) {
       self->response_.body().clear();
       if (!error && self->is_kept_ && !self->is_closed_) {
         self->is_kept_ = false;
@@ -472,7 +539,7 @@ class Server::Net::Connection final : public AnyConnection {
         }));
     ws_->read_message_max(net_.hub_->may("publish") ? kMaxPublishBytes : kMaxFrameBytes);
     ws_->auto_fragment(false);
-    ws_->async_accept(parser_->get(), [self = this->self()](error_code error) {
+    ws_->async_accept(parser_->get(), [self = self()](error_code error) {
       if (error) {
         self->leave();
         return;
@@ -486,7 +553,7 @@ class Server::Net::Connection final : public AnyConnection {
   }
 
   void read() {
-    ws_->async_read(buffer_, [self = this->self()](error_code error, std::size_t) {
+    ws_->async_read(buffer_, [self = self()](error_code error, std::size_t) {
       self->guarded([&] { self->take_frame(error); });
     });
   }
@@ -525,7 +592,7 @@ class Server::Net::Connection final : public AnyConnection {
   void begin_writing() {
     if (!std::exchange(is_writing_, true)) {
       if (is_urgent() || Clock::now() >= next_write_) {
-        asio::post(net_.io_, [self = this->self()] { self->write(); });
+        asio::post(net_.io_, [self = self()] { self->write(); });
       } else {
         pause();
       }
@@ -537,7 +604,7 @@ class Server::Net::Connection final : public AnyConnection {
   void pause() {
     is_pausing_ = true;
     write_timer_.expires_at(next_write_);
-    write_timer_.async_wait([self = this->self()](error_code) {
+    write_timer_.async_wait([self = self()](error_code) {
       self->is_pausing_ = false;
       self->write();
     });
@@ -578,14 +645,14 @@ class Server::Net::Connection final : public AnyConnection {
       is_writing_ = false;
       if (is_ending_ && !std::exchange(is_closed_, true)) {
         ws_->async_close(websocket::close_code::going_away,
-                         [self = this->self()](error_code) { self->leave(); });
+                         [self = self()](error_code) { self->leave(); });
       }
       return;
     }
     next_write_ = Clock::now() + kWritePause;
     asio::async_write(
         ws_->next_layer().next_layer(), parts_,
-        [self = this->self()](error_code error, std::size_t) { self->take_written(error); });
+        [self = self()](error_code error, std::size_t) { self->take_written(error); });
   }
 
   void take_written(error_code error) {
@@ -614,11 +681,11 @@ class Server::Net::Connection final : public AnyConnection {
   http::response<http::string_body> response_;
   bool is_kept_ = false;  ///< Keep-alive: another request may follow.
   std::optional<Pages> pages_;
-  std::optional<websocket::stream<Below<Stream>>> ws_;
+  std::optional<websocket::stream<Below>> ws_;
   std::unique_ptr<Session> session_;
   // Being written.
   std::vector<Frame> frames_;
-  typename Below<Stream>::Waiting of_library_;
+  Below::Waiting of_library_;
   std::vector<asio::const_buffer> parts_;
   bool is_writing_ = false;
   asio::steady_timer write_timer_{net_.io_};
@@ -773,12 +840,8 @@ void Server::Net::accept() {
       error_code ignored;
       socket.set_option(tcp::no_delay(true), ignored);
       socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer), ignored);
-      std::shared_ptr<AnyConnection> connection;
-      if (tls_) {
-        connection = std::make_shared<Connection<TlsStream>>(*this, std::move(socket), *tls_);
-      } else {
-        connection = std::make_shared<Connection<PlainStream>>(*this, std::move(socket));
-      }
+      const auto connection =
+          std::make_shared<Connection>(*this, Stream(std::move(socket), tls_ ? &*tls_ : nullptr));
       connections_.insert(connection);
       connection->begin();
     } else {
