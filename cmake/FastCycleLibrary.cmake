@@ -55,7 +55,7 @@ function(fastcycle_library name)
     ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)
   target_link_libraries(fastcycle_${name} PRIVATE
     protobuf::libprotobuf fmt::fmt Threads::Threads ${LIB_LINK})
-  fastcycle_precompile(fastcycle_${name} library "${FASTCYCLE_PRECOMPILED}" "${LIB_PRECOMPILE}")
+  fastcycle_precompile(fastcycle_${name} library "${FASTCYCLE_PRECOMPILED_LIBRARY}" "${LIB_PRECOMPILE}")
 
   target_sources(fastcycle PRIVATE $<TARGET_OBJECTS:fastcycle_${name}>)
   target_link_libraries(fastcycle PRIVATE ${LIB_LINK})

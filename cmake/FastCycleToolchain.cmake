@@ -18,12 +18,19 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   add_compile_options("SHELL:--param ggc-min-heapsize=500000")
 endif()
 
-# What computes much is optimized in every build. A Release build says itself how far.
-set(FASTCYCLE_OPTIMIZED $<$<NOT:$<CONFIG:Release>>:-O2>)
+# Optimizes a target that computes much in every build; a Release build says itself how far. Headers that were
+# precompiled without -O2 do not fit such a target.
+function(fastcycle_optimize target)
+  if(NOT CMAKE_BUILD_TYPE STREQUAL "Release")
+    target_compile_options(${target} PRIVATE -O2)
+    set_target_properties(${target} PROPERTIES DISABLE_PRECOMPILE_HEADERS ON)
+  endif()
+endfunction()
 
 # Headers that are large and never change. The preset `clang` builds without them, so that an
 # include which a file forgot does not stay hidden.
 set(FASTCYCLE_PRECOMPILED <algorithm> <atomic> <chrono> <functional> <map> <memory> <optional> <string>
     <thread> <unordered_map> <vector> <fmt/format.h> <google/protobuf/message.h>)
+set(FASTCYCLE_PRECOMPILED_LIBRARY ${FASTCYCLE_PRECOMPILED} <filesystem> <fstream> <nlohmann/json.hpp>)
 set(FASTCYCLE_PRECOMPILED_TEST ${FASTCYCLE_PRECOMPILED} <gmock/gmock.h> <gtest/gtest.h>)
 set(FASTCYCLE_IN_PROJECT TRUE)
