@@ -32,6 +32,7 @@ struct Notice {
     kModeJoined = 'j',     ///< Those of a process that belong to it are active.
     kNews = 'n',           ///< State of a component. Live, only the main process handles it.
     kLine = 'o',           ///< A line of the log. Live, only the main process handles it.
+    kDumpAsked = 't',      ///< A dump of the flight recorder. Only the main process handles it.
     kFollows = 'y',        ///< State of a standby. The main process keeps it.
     kLifeAsked = 'a',      ///< A tool requests to restart, stop or start a component.
     kLifeMade = 'f',       ///< The result of `kLifeAsked`.

@@ -163,6 +163,7 @@ void Application::listen_to_peers() {
     params_.take(notice);
     peer_news_.take(notice);
     peer_log_.take(notice);
+    peer_dumps_.take(notice);
     life_changes_.take(notice);
     follower_news_.take(notice);
   };
@@ -175,6 +176,11 @@ void Application::listen_to_peers() {
     if (end_reason() == EndReason::kNone) {  // Processes that end with the run have not failed.
       observers_.changed(news);
       status_.changed_elsewhere(news);
+    }
+  };
+  peer_news_.on_fault = [this](const ComponentCore& component, const std::string& what) {
+    if (end_reason() == EndReason::kNone) {
+      observers_.faulted(component.name, what);
     }
   };
   peer_news_.on_lost = [this](const ComponentCore& component, const std::string& why) {
@@ -413,7 +419,7 @@ const record::FlightRecorder* Application::flight_recorder() const {
 bool Application::dump(std::string_view reason, std::string_view component,
                        std::string_view detail) noexcept {
   if (flight_recorder_ == nullptr) {
-    return false;
+    return peers_ != nullptr && !peers_->is_main() && peer_dumps_.ask(reason, component, detail);
   }
   flight_recorder_->dump(reason, component, detail);
   return true;

@@ -30,6 +30,7 @@
 #include "host/life_changes.h"
 #include "host/observers.h"
 #include "host/param_changes.h"
+#include "host/peer_dumps.h"
 #include "host/peer_log.h"
 #include "host/peer_news.h"
 #include "host/pool_reporter.h"
@@ -347,6 +348,7 @@ class Application final : public ApplicationHost {
   StatusSender status_{*driver_};
   PeerNews peer_news_{*this, wiring_, chains_};
   PeerLog peer_log_{*this};
+  PeerDumps peer_dumps_{*this};
   LifeChanges life_changes_{*this};
   FollowerNews follower_news_;
   Reloads reloads_{*this, wiring_, chains_, life_changes_};

@@ -58,7 +58,8 @@ class Observer {
   /// runs the simulation.
   virtual void round_ended([[maybe_unused]] std::uint32_t step) {}
 
-  /// Component `component` faulted. On the worker that served it, or the control thread.
+  /// Component `component` faulted. On the worker that served it, or the control thread; for one of
+  /// another process, which may have ended, on the thread that takes notices.
   ///
   /// @realtime Must not wait. `component` and `what` are valid during the call only.
   virtual void faulted([[maybe_unused]] std::string_view component,

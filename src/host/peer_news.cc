@@ -411,9 +411,13 @@ void PeerNews::receive(std::uint32_t component, ComponentNews news) {
     news.chains[i].breaches += its.chains_before[i].breaches;
     news.chains[i].dropped += its.chains_before[i].dropped;
   }
+  const bool has_faulted = news.faults > its.news.faults;
   {
     const std::lock_guard lock(mutex_);  // For `version_of`.
     its.news = news;
+  }
+  if (has_faulted) {
+    on_fault(*application_.components()[component], news.last_fault);
   }
   // The restart takes no simulated time; that it was needed is to be seen nevertheless.
   if (its.ended_in == round_) {
@@ -473,6 +477,7 @@ void PeerNews::process_has_ended(const Notice& notice) {
       const std::lock_guard lock(mutex_);
       its.news = news;
     }
+    on_fault(*component, what);
     on_news(news);
     if (!is_restarted) {
       on_lost(*component, what);

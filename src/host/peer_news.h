@@ -34,6 +34,8 @@ class PeerNews {
   /// In the main process: a component is gone with its process, which is not restarted. Set before
   /// the start.
   std::function<void(const detail::ComponentCore& component, const std::string& why)> on_lost;
+  /// In the main process: a component elsewhere faulted, or its process has ended.
+  std::function<void(const detail::ComponentCore& component, const std::string& what)> on_fault;
 
   /// Once the components are constructed. Before this, `look` and `take`, which other threads may
   /// call already, do nothing.

@@ -35,7 +35,7 @@ std::string to_record(const Notice& notice) {
 
 /// None if it is no valid notice: its writer may be faulty.
 std::optional<Notice> from_record(std::string_view record) {
-  constexpr std::string_view kKinds = "gcrbmlejnoyafipvwd";
+  constexpr std::string_view kKinds = "gcrbmlejnotyafipvwd";
   if (record.empty() || kKinds.find(record.front()) == std::string_view::npos) {
     return std::nullopt;
   }
@@ -263,7 +263,7 @@ bool NoticeOrder::look_for_changes() {
 
 void NoticeOrder::put_in_order(const Notice& notice) {
   if (notice.kind == Notice::Kind::kNews || notice.kind == Notice::Kind::kLine ||
-      notice.kind == Notice::Kind::kFollows) {
+      notice.kind == Notice::Kind::kDumpAsked || notice.kind == Notice::Kind::kFollows) {
     take(notice);  // Only the main process uses it.
     return;
   }

@@ -178,11 +178,28 @@ void pass(Archive& archive, RecordingReport& report) {
            report.topics);
 }
 template <typename Archive>
+void pass(Archive& archive, record::FlightTrigger& trigger) {
+  pass_all(archive, trigger.time_ns, trigger.reason, trigger.component, trigger.detail);
+}
+template <typename Archive>
+void pass(Archive& archive, record::FlightDump& dump) {
+  pass_all(archive, dump.file, dump.trigger, dump.trigger_count, dump.messages, dump.missing,
+           dump.problem);
+}
+template <typename Archive>
 void pass(Archive& archive, record::FlightReport& report) {
-  // Without its dumps, which are reported on standard error as they are written.
   pass_all(archive, report.file, report.capacity, report.messages, report.bytes, report.overflow,
            report.pool, report.too_large, report.process, report.activations_lost,
-           report.reads_lost, report.problem, report.triggers_refused);
+           report.reads_lost, report.problem, report.dumps, report.triggers_refused);
+}
+template <typename Archive>
+void pass(Archive& archive, ReplayReport::Stream& stream) {
+  pass_all(archive, stream.topic, stream.component, stream.reason, stream.messages);
+}
+template <typename Archive>
+void pass(Archive& archive, ReplayReport& report) {
+  pass_all(archive, report.files, report.from_s, report.to_s, report.worst_lateness_us,
+           report.parted_infos, report.streams);
 }
 template <typename Archive>
 void pass(Archive& archive, ModesReport::Switch& report) {
@@ -224,8 +241,8 @@ template <typename Archive>
 void pass(Archive& archive, RunReport& report) {
   pass_all(archive, report.application, report.clock, report.startup_ms, report.time_s,
            report.wall_s, report.cpu_s, report.rss_max_kib, report.end, report.components,
-           report.topics, report.modes, report.chains, report.recording, report.flight_recorder,
-           report.processes, report.results, report.tools, report.faults);
+           report.topics, report.modes, report.chains, report.replay, report.recording,
+           report.flight_recorder, report.processes, report.results, report.tools, report.faults);
 }
 
 template <typename Archive, typename T>
@@ -271,6 +288,19 @@ void join(TopicReport& into, TopicReport&& topic) {
   std::ranges::move(topic.subscribers, std::back_inserter(into.subscribers));
 }
 
+// All have the streams of the recording; a process may be fed fewer of them than another.
+void join(ReplayReport& into, ReplayReport&& replay) {
+  into.worst_lateness_us = std::max(into.worst_lateness_us, replay.worst_lateness_us);
+  for (std::size_t i = 0; i < std::min(into.streams.size(), replay.streams.size()); ++i) {
+    ReplayReport::Stream& known = into.streams[i];
+    ReplayReport::Stream& stream = replay.streams[i];
+    const bool is_fed = !stream.component.empty();
+    if (is_fed && (known.component.empty() || stream.messages > known.messages)) {
+      known = std::move(stream);
+    }
+  }
+}
+
 }  // namespace
 
 std::string to_bytes(const RunReport& report) {
@@ -304,6 +334,11 @@ RunReport put_together(std::vector<RunReport> parts,
     std::ranges::move(part->results, std::back_inserter(whole.results));
     std::ranges::move(part->processes, std::back_inserter(whole.processes));
     std::ranges::move(part->tools, std::back_inserter(whole.tools));
+    if (part->replay && whole.replay) {
+      join(*whole.replay, std::move(*part->replay));
+    } else if (part->replay) {
+      whole.replay = std::move(part->replay);
+    }
     // Each process counts the faults in messages to its own components.
     for (const faults::FaultCount& fault : part->faults) {
       const auto known = std::ranges::find(whole.faults, fault.name, &faults::FaultCount::name);

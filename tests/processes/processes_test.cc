@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -325,6 +326,39 @@ TEST_F(ComponentsInProcesses, AreHelpedByStepsUntilTheOthersGoOnWithoutThem) {
     EXPECT_THAT(said["modes"]["switches"][0]["why"].get<std::string>(),
                 HasSubstr("its process \"relaying\" has ended"));
     expect_ledgers(said);
+  }
+}
+
+TEST_F(ComponentsInProcesses, HaveTheFlightRecorderDumpWhatTheyAskForAndTheirFaults) {
+  struct Case {
+    const char* clock;
+    const char* params;
+    const char* reason;
+  };
+  const std::string ring = (folder_ / "drive.ring").string();
+  for (const Case& one :
+       {Case{"live", R"({"throw_at": 50})", "fault"}, Case{"live", R"({"crash_at": 50})", "fault"},
+        Case{"live", R"({"dump_at": 50})", "hard braking"},
+        Case{"simulated", R"({"throw_at": 50})", "fault"},
+        Case{"simulated", R"({"crash_at": 50})", "fault"},
+        Case{"simulated", R"({"dump_at": 50})", "hard braking"}}) {
+    Process run(options(
+        application(fmt::format(R"("process": "relaying", "params": {}, "on_fault": "restart")",
+                                one.params),
+                    R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 400),
+        {"--clock", one.clock, "--flight-recorder", ring}));
+
+    EXPECT_EQ(run.wait().exit_code, 0) << one.clock << one.params << run.errors();
+
+    const json said = report()["flight_recorder"];
+    EXPECT_EQ(said["file"], ring);
+    ASSERT_EQ(said["dumps"].size(), 1U) << one.clock << one.params << said << run.errors();
+    const json& dump = said["dumps"][0];
+    EXPECT_EQ(dump["reason"], one.reason);
+    EXPECT_EQ(dump["component"], "relay");
+    EXPECT_TRUE(std::filesystem::exists(dump["file"].get<std::string>())) << dump;
+    EXPECT_GT(dump["messages"], 100) << one.clock << one.params;
+    EXPECT_EQ(dump["problem"], "");
   }
 }
 
@@ -749,6 +783,8 @@ TEST_F(ComponentsInProcesses, GetTheSameFromALogAsInOneProcess) {
   EXPECT_EQ(report()["results"]["whole"], 200);
   EXPECT_EQ(report()["results"]["relayed"], report_of_one["results"]["relayed"]);
   EXPECT_EQ(report()["end"], report_of_one["end"]);
+  EXPECT_EQ(report()["replay"], report_of_one["replay"]);
+  EXPECT_EQ(report()["replay"]["fed"][0]["messages"], 200);
 }
 
 TEST_F(ComponentsInProcesses, GetALogLiveAtTheTimesThatItHas) {
@@ -769,6 +805,8 @@ TEST_F(ComponentsInProcesses, GetALogLiveAtTheTimesThatItHas) {
     EXPECT_EQ(said["topics"][topic]["published"], 200) << topic << said["topics"][topic];
   }
   EXPECT_EQ(said["end"], "input finished");
+  EXPECT_EQ(said["replay"]["fed"][0]["messages"], 200);
+  EXPECT_GT(said["replay"]["worst_lateness_us"], 0);
   expect_ledgers(said);
 }
 
@@ -880,8 +918,9 @@ TEST_F(ComponentsInProcesses, WriteIntoOneLog) {
 TEST_F(ComponentsInProcesses, AreAllInATrace) {
   for (const char* clock : {"live", "simulated"}) {
     const auto file = folder_ / (std::string(clock) + ".pftrace");
-    Process run(options(application(R"("process": "relaying")"),
-                        {"--clock", clock, "--trace", file.string()}));
+    Process run(options(
+        application(R"("process": "relaying", "params": {"throw_at": 50}, "on_fault": "restart")"),
+        {"--clock", clock, "--trace", file.string()}));
 
     EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
 
@@ -892,6 +931,8 @@ TEST_F(ComponentsInProcesses, AreAllInATrace) {
     const std::string trace = test::read_file(file);
     EXPECT_THAT(trace, HasSubstr("relay: readings")) << clock;
     EXPECT_THAT(trace, HasSubstr("relaying")) << clock;
+    EXPECT_THAT(trace, HasSubstr("fault of relay")) << clock;
+    EXPECT_THAT(trace, HasSubstr("it was asked to")) << clock;
   }
 }
 
