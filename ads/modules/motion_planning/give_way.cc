@@ -24,21 +24,37 @@ constexpr double kOver_m = 0.3;
 // So far behind a line the vehicle has left it.
 constexpr double kLeft_m = 5.0;
 
-// How the vehicle would drive off.
-constexpr double kGoing_mps2 = 1.5;
 // The way behind a line on which others count: a wide crossing.
 constexpr double kCrossing_m = 40.0;
 // Room beside both.
 constexpr double kBeside_m = 0.5;
-// A vehicle that passes first must have left this long before the other one arrives; one that
-// passes second arrives at least this long after the other one has left.
-constexpr double kBefore_s = 1.5;
-constexpr double kAfter_s = 0.5;
+
+// A vehicle that is slower has not pulled out yet.
+constexpr double kPullingOut_mps = 1.0;
+
+// How the vehicle passes others.
+struct Manner {
+  double going_mps2 = 0.0;  // How it drives off.
+  // If it passes first, it must have left so long before the other one arrives; if it passes
+  // second, it arrives at least so long after the other one has left.
+  double before_s = 0.0;
+  double after_s = 0.0;
+  double look_s = kInfinity;  // Others that come later do not count.
+  // How far behind the line the place is at which they meet.
+  double from_m = -kInfinity;
+  double to_m = kInfinity;
+};
+constexpr Manner kAtALine{.going_mps2 = 1.5, .before_s = 1.5, .after_s = 0.5};
+// Where there is no line, the vehicle itself is one: it is not in the way yet, and would be as soon
+// as it drives off.
+constexpr Manner kElsewhere{
+    .going_mps2 = 3.0, .before_s = 0.5, .after_s = 0.0, .look_s = 3.0, .from_m = 0.0, .to_m = 5.0};
+
 // Headings that differ by less lead the same way.
 constexpr double kAligned = 0.85;
 
 // The vehicle's position along the road at each step, without other traffic.
-std::vector<double> free_drive(const Problem& problem, double along_m) {
+std::vector<double> free_drive(const Problem& problem, double along_m, double going_mps2) {
   const SpeedProfile profile(problem.road, problem.slow_stretches, std::nullopt, problem.start);
   std::vector<double> alongs = {along_m};
   double speed = std::max(0.0, problem.start.speed_mps);
@@ -46,7 +62,7 @@ std::vector<double> free_drive(const Problem& problem, double along_m) {
     const double allowed =
         std::min(std::max(problem.cruise_mps, problem.start.speed_mps),
                  profile.at(alongs.back(), kStep_s * static_cast<double>(step)).speed_mps);
-    speed = std::clamp(speed + kStep_s * kGoing_mps2, 0.0, std::max(0.0, allowed));
+    speed = std::clamp(speed + kStep_s * going_mps2, 0.0, std::max(0.0, allowed));
     alongs.push_back(alongs.back() + kStep_s * speed);
   }
   return alongs;
@@ -102,7 +118,9 @@ double reached_s(const std::vector<double>& alongs_m, double along_m) {
 // The object with right of way behind the line that the vehicle would meet there.
 std::optional<std::uint64_t> first_to_let_pass(const Problem& problem, const Traffic& traffic,
                                                const std::vector<TrafficObject>& objects,
-                                               const std::vector<double>& drive, double line_m) {
+                                               double along_m, double line_m,
+                                               const Manner& manner) {
+  const std::vector<double> drive = free_drive(problem, along_m, manner.going_mps2);
   const double half_length = problem.vehicle.length_m / 2.0;
   for (std::size_t index = 0; index < traffic.at(0).size(); ++index) {
     const Occupant& now = traffic.at(0)[index];
@@ -112,8 +130,10 @@ std::optional<std::uint64_t> first_to_let_pass(const Problem& problem, const Tra
     const Passage passage = passage_of(problem, traffic, index, line_m);
     const double arrives_s = reached_s(drive, passage.begin_m - half_length);
     const double gone_s = reached_s(drive, passage.end_m + half_length);
-    if (std::isfinite(passage.comes_s) && gone_s > passage.comes_s - kBefore_s &&
-        arrives_s < passage.leaves_s + kAfter_s) {
+    const double behind_m = passage.begin_m - line_m;
+    if (behind_m >= manner.from_m && behind_m <= manner.to_m && std::isfinite(passage.comes_s) &&
+        passage.comes_s <= manner.look_s && gone_s > passage.comes_s - manner.before_s &&
+        arrives_s < passage.leaves_s + manner.after_s) {
       return objects[now.object].id;
     }
   }
@@ -126,13 +146,9 @@ std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
                                 const std::vector<TrafficObject>& objects,
                                 const std::vector<WaitingLine>& lines,
                                 const std::optional<std::int64_t>& stood_at_lane) {
-  if (lines.empty()) {
-    return std::nullopt;
-  }
   const double half_length = problem.vehicle.length_m / 2.0;
   const double along = problem.road.locate(problem.start.x_m, problem.start.y_m).along_m;
   const double speed = std::max(0.0, problem.start.speed_mps);
-  const std::vector<double> drive = free_drive(problem, along);
   for (const WaitingLine& line : lines) {
     const double to_line = line.along_m - half_length - along;
     const double braking_way = to_line - kBuildUp_s * speed;
@@ -150,13 +166,40 @@ std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
       halt.kind = RuleKind::kStopLine;
       return halt;
     }
-    if (const auto object = first_to_let_pass(problem, traffic, objects, drive, line.along_m)) {
+    if (const auto object =
+            first_to_let_pass(problem, traffic, objects, along, line.along_m, kAtALine)) {
       halt.kind = RuleKind::kGiveWay;
       halt.object = *object;
       return halt;
     }
   }
+  // Also without a line.
+  if (speed < kPullingOut_mps) {
+    const double front = along + half_length;
+    if (const auto object =
+            first_to_let_pass(problem, traffic, objects, along, front, kElsewhere)) {
+      return Halt{.along_m = along,
+                  .line_m = front,
+                  .braking_mps2 = SpeedProfile::kBraking_mps2,
+                  .kind = RuleKind::kGiveWay,
+                  .object = *object};
+    }
+  }
   return std::nullopt;
+}
+
+std::optional<Halt> halt_before_end(const Problem& problem, double map_end_m) {
+  const double along = problem.road.locate(problem.start.x_m, problem.start.y_m).along_m;
+  const double halt_m = map_end_m - problem.vehicle.length_m / 2.0 - kBeforeLine_m;
+  const double speed = std::max(0.0, problem.start.speed_mps);
+  if (halt_m < along) {
+    return std::nullopt;
+  }
+  return Halt{.along_m = halt_m,
+              .line_m = map_end_m,
+              .braking_mps2 = std::clamp(speed * speed / (2.0 * std::max(0.1, halt_m - along)),
+                                         SpeedProfile::kBraking_mps2, kBrakingMax_mps2),
+              .kind = RuleKind::kStopLine};
 }
 
 std::optional<std::int64_t> stood_at(const Road& road, const Vehicle& vehicle, const State& ego,

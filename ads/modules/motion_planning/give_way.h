@@ -22,7 +22,8 @@ inline constexpr double kBeforeLine_m = 1.0;
 
 /// The first line before which the vehicle must stop: at a stop sign where it has not stopped yet,
 /// or where it would conflict behind the line with an object that has right of way. A line that it
-/// has passed, or before which it can no longer stop, is ignored.
+/// has passed, or before which it can no longer stop, is ignored. Without a line, a vehicle that
+/// stands, or nearly so, does not pull out before such an object either.
 ///
 /// Conflicts are found by predicting the vehicle with moderate acceleration up to the permitted
 /// speed. It may pass before the other object if it has left the conflict area 1.5 s before that
@@ -34,6 +35,9 @@ std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
                                 const std::vector<TrafficObject>& objects,
                                 const std::vector<WaitingLine>& lines,
                                 const std::optional<std::int64_t>& stood_at_lane);
+
+/// Stops before the end of the map; none if the vehicle cannot any more.
+std::optional<Halt> halt_before_end(const Problem& problem, double map_end_m);
 
 /// The lane of the line at which the vehicle last stopped, until it has passed it: the line at
 /// which it stands now, else `before`.

@@ -65,6 +65,19 @@ TEST_F(GiveWayTest, WithoutALineThereIsNoHalt) {
   EXPECT_FALSE(halt({crossing(50.0, 10.0)}));
 }
 
+TEST_F(GiveWayTest, WhoStandsDoesNotPullOutBeforeOthersAlsoWithoutALine) {
+  lines_.clear();
+
+  const auto found = halt({crossing(25.0, 10.0)}, 0.0, 43.0);
+
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->kind, RuleKind::kGiveWay);
+  EXPECT_EQ(found->along_m, 93.0);
+  EXPECT_FALSE(halt({crossing(25.0, 10.0)}, 2.0, 43.0)) << "It is on its way already.";
+  EXPECT_FALSE(halt({crossing(25.0, 10.0, false)}, 0.0, 43.0));
+  EXPECT_FALSE(halt({crossing(90.0, 10.0)}, 0.0, 43.0)) << "The other one is far away.";
+}
+
 TEST_F(GiveWayTest, VehiclePassesBeforeWhoIsFar) {
   EXPECT_FALSE(halt({crossing(78.0, 10.0)}));
 }
@@ -96,7 +109,7 @@ TEST_F(GiveWayTest, LineBeforeWhichTheVehicleCannotStopIsNone) {
 }
 
 TEST_F(GiveWayTest, LineThatWasPassedIsNone) {
-  EXPECT_FALSE(halt({crossing(35.0, 10.0)}, 0.0, 38.5));
+  EXPECT_FALSE(halt({crossing(35.0, 10.0)}, 1.5, 38.5));
   EXPECT_TRUE(halt({crossing(35.0, 10.0)}, 0.0, 36.0));
 }
 

@@ -237,6 +237,24 @@ std::vector<WaitingLine> waiting_lines_of(const hd_map::Route& route, const hd_m
   return lines;
 }
 
+std::optional<double> map_end_of(const hd_map::Tile& tile, const Road& road) {
+  constexpr double kBeside_m = 2.0;
+  double last_m = -kInfinity;
+  bool goes_on = true;
+  for (const hd_map::Lane& lane : tile.lanes()) {
+    const std::vector<Eigen::Vector2d> points = centre_of(lane);
+    if (road.is_empty() || lane.type() == hd_map::CROSSING || points.size() < 2) {
+      continue;
+    }
+    const RoadPlace end = road.locate(points.back().x(), points.back().y());
+    if (std::abs(end.offset_m) < kBeside_m && end.along_m > last_m) {
+      last_m = end.along_m;
+      goes_on = !lane.successors().empty();
+    }
+  }
+  return goes_on ? std::nullopt : std::optional(last_m);
+}
+
 std::vector<TrafficObject> objects_of(const prediction::Predictions& predictions, double age_s) {
   std::vector<TrafficObject> objects;
   for (const prediction::PredictedObject& predicted : predictions.objects()) {

@@ -24,6 +24,9 @@ std::vector<Road> lanes_of(const hd_map::Tile& tile);
 std::vector<WaitingLine> waiting_lines_of(const hd_map::Route& route, const hd_map::Tile& tile,
                                           const Road& road);
 
+/// Where along the road the map ends; none where it goes on, as far as the tile knows.
+std::optional<double> map_end_of(const hd_map::Tile& tile, const Road& road);
+
 /// The objects to consider; the predictions begin `age_s` ago.
 std::vector<TrafficObject> objects_of(const prediction::Predictions& predictions, double age_s);
 

@@ -132,6 +132,17 @@ TEST(Messages, HazardsThatAreOverAreLeftOut) {
   EXPECT_EQ(hazards[0].speed_mps, 5.0);
 }
 
+TEST(Messages, MapEndsWhereTheLastLaneOfTheRoadHasNoSuccessor) {
+  const Road road({{.x_m = 0.0, .y_m = 0.0}, {.x_m = 300.0, .y_m = 0.0}});
+  hd_map::Tile tile = tile_with_lane(1, 0.0);
+  EXPECT_NEAR(map_end_of(tile, road).value_or(0.0), 100.0, 0.1);
+
+  *tile.add_lanes() = tile_with_lane(2, -3.5).lanes(0);  // Beside the road.
+  tile.mutable_lanes(0)->add_successors(3);              // In another tile.
+  EXPECT_FALSE(map_end_of(tile, road));
+  EXPECT_FALSE(map_end_of(hd_map::Tile(), road));
+}
+
 TEST(Messages, GoalIsARectangleWithIntervals) {
   mission::Goal message;
   message.mutable_rectangle()->set_x_m(30.0);

@@ -138,6 +138,7 @@ void MotionPlanning::update_road() {
   road_ = road_of(*route, tile ? &*tile : nullptr);
   lanes_ = tile ? lanes_of(*tile) : std::vector<Road>();
   waiting_lines_ = tile ? waiting_lines_of(*route, *tile, road_) : std::vector<WaitingLine>();
+  map_end_m_ = tile ? map_end_of(*tile, road_) : std::nullopt;
 }
 
 // The newest estimate, moved on to now.
@@ -182,6 +183,7 @@ Situation MotionPlanning::situation_of(const prediction::Predictions& prediction
           .objects = objects_of(predictions, now_s - seconds(predictions.header().taken_ns())),
           .hazards = hazards_of(predictions, now_ns),
           .waiting_lines = waiting_lines_,
+          .map_end_m = map_end_m_,
           .goal = goal()};
 }
 

@@ -58,6 +58,7 @@ class MotionPlanning final : public fastcycle::Component {
   Road road_;
   std::vector<Road> lanes_;
   std::vector<WaitingLine> waiting_lines_;
+  std::optional<double> map_end_m_;
   std::int64_t plans_made_ = 0;
   std::int64_t plans_evasive_ = 0;
   std::int64_t plans_to_goal_ = 0;

@@ -413,6 +413,9 @@ Plan Planner::plan(const Situation& situation) {
   stood_at_lane_ = stood_at(*situation.road, config_.vehicle, situation.ego,
                             situation.waiting_lines, stood_at_lane_);
   problem.halt = halt_before(problem, unyielding, objects, situation.waiting_lines, stood_at_lane_);
+  if (!situation.goal && !problem.halt && situation.map_end_m) {
+    problem.halt = halt_before_end(problem, *situation.map_end_m);
+  }
 
   Plan plan;
   plan.kind = PlanKind::kNominal;

@@ -38,7 +38,9 @@ struct Situation {
   std::vector<TrafficObject> objects = {};   ///< Times of their ways are since `now_s`.
   std::vector<HazardArea> hazards = {};
   std::vector<WaitingLine> waiting_lines = {};  ///< In the order along the road.
-  std::optional<Goal> goal = {};                ///< Its times are on the clock.
+  /// Where the map ends along the road. Without a goal the vehicle stops there.
+  std::optional<double> map_end_m = {};
+  std::optional<Goal> goal = {};  ///< Its times are on the clock.
 };
 
 /// A rule that limits a trajectory.

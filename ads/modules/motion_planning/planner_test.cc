@@ -21,6 +21,7 @@ class PlannerTest : public ::testing::Test {
                         .objects = objects_,
                         .hazards = hazards_,
                         .waiting_lines = lines_,
+                        .map_end_m = map_end_m_,
                         .goal = goal_};
     return planner_.plan(situation);
   }
@@ -58,6 +59,7 @@ class PlannerTest : public ::testing::Test {
   std::vector<TrafficObject> objects_;
   std::vector<HazardArea> hazards_;
   std::vector<WaitingLine> lines_;
+  std::optional<double> map_end_m_;
   std::optional<Goal> goal_;
   Plan last_;
   double hardest_mps2_ = 0.0;
@@ -114,6 +116,14 @@ TEST_F(PlannerTest, StopsAtAStopSignAndGoesOn) {
   EXPECT_GT(front, 48.0);
   EXPECT_LT(front, 50.0);
   EXPECT_GT(ego_.x_m, 60.0);
+}
+
+TEST_F(PlannerTest, WithoutAGoalItStopsBeforeTheEndOfTheMap) {
+  map_end_m_ = road_.locate(60.0, 0.0).along_m;
+  drive_for(14.0);
+
+  ASSERT_TRUE(stood_m_);
+  EXPECT_NEAR(*stood_m_, 60.0 - Vehicle{}.length_m / 2.0 - kBeforeLine_m, 1.0);
 }
 
 TEST_F(PlannerTest, WaitsBeforeTheLineForWhoGoesFirst) {
