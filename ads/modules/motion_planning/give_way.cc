@@ -50,6 +50,7 @@ constexpr Manner kAtALine{.going_mps2 = 1.5, .before_s = 1.5, .after_s = 0.5};
 constexpr Manner kElsewhere{
     .going_mps2 = 3.0, .before_s = 0.5, .after_s = 0.0, .look_s = 3.0, .from_m = 0.0, .to_m = 5.0};
 
+constexpr double kRounding = 1e-9;
 // Headings that differ by less lead the same way.
 constexpr double kAligned = 0.85;
 
@@ -122,9 +123,13 @@ std::optional<std::uint64_t> first_to_let_pass(const Problem& problem, const Tra
                                                const Manner& manner) {
   const std::vector<double> drive = free_drive(problem, along_m, manner.going_mps2);
   const double half_length = problem.vehicle.length_m / 2.0;
+  std::size_t object = 0;
+  double met = 0.0;  // The probability of this object's ways that the vehicle would meet.
   for (std::size_t index = 0; index < traffic.at(0).size(); ++index) {
     const Occupant& now = traffic.at(0)[index];
-    if (now.probability < kProbabilityMin || !objects[now.object].goes_first) {
+    met = now.object == object ? met : 0.0;
+    object = now.object;
+    if (!objects[object].goes_first) {
       continue;
     }
     const Passage passage = passage_of(problem, traffic, index, line_m);
@@ -134,7 +139,10 @@ std::optional<std::uint64_t> first_to_let_pass(const Problem& problem, const Tra
     if (behind_m >= manner.from_m && behind_m <= manner.to_m && std::isfinite(passage.comes_s) &&
         passage.comes_s <= manner.look_s && gone_s > passage.comes_s - manner.before_s &&
         arrives_s < passage.leaves_s + manner.after_s) {
-      return objects[now.object].id;
+      met += now.probability;
+    }
+    if (met >= kProbabilityMin - kRounding) {
+      return objects[object].id;
     }
   }
   return std::nullopt;

@@ -60,6 +60,15 @@ TEST_F(GiveWayTest, WhoDoesNotGoFirstIsNotGivenWay) {
   EXPECT_FALSE(halt({crossing(50.0, 10.0, false)}));
 }
 
+TEST_F(GiveWayTest, WhoMayComeInSeveralWaysIsGivenWayIfTheyAreProbableTogether) {
+  TrafficObject object = crossing(50.0, 10.0);
+  object.ways[0].probability = 0.12;
+  EXPECT_FALSE(halt({object}));
+  object.ways.push_back(object.ways[0]);
+  object.ways[1].states[0].speed_mps = 9.5;
+  EXPECT_TRUE(halt({object}));
+}
+
 TEST_F(GiveWayTest, WithoutALineThereIsNoHalt) {
   lines_.clear();
   EXPECT_FALSE(halt({crossing(50.0, 10.0)}));

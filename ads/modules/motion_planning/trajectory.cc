@@ -50,6 +50,7 @@ Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s)
 Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffic& traffic,
               double until_s, const std::vector<bool>& is_ignored, double probability_min) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  constexpr double kRounding = 1e-9;
   Verdict verdict{.smallest_gap_m = kInfinity, .hit_s = kInfinity};
   const double reach = 0.5 * std::hypot(vehicle.length_m, vehicle.width_m);
   for (std::size_t step = 0; step <= traffic.steps(); ++step) {
@@ -64,15 +65,22 @@ Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffi
         std::max(verdict.acceleration_max_mps2, state.acceleration_mps2);
     verdict.lateral_max_mps2 =
         std::max(verdict.lateral_max_mps2, std::abs(state.speed_mps * yaw_rate(vehicle, state)));
+    std::size_t object = 0;
+    double touched = 0.0;  // The probability of this object's ways that touch the vehicle.
     for (const Occupant& occupant : traffic.at(step)) {
-      const bool is_looked_at = occupant.probability >= probability_min &&
-                                (is_ignored.empty() || !is_ignored[occupant.object]);
+      touched = occupant.object == object ? touched : 0.0;
+      object = occupant.object;
+      const bool is_looked_at = is_ignored.empty() || !is_ignored[object];
       const double distance = std::hypot(state.x_m - occupant.x_m, state.y_m - occupant.y_m);
       const double radius = std::hypot(occupant.half_length_m, occupant.half_width_m);
       if (!is_looked_at || distance - radius - reach > verdict.smallest_gap_m) {
         continue;
       }
       const double gap = ads::distance_m(box_of(vehicle, state), box_of(occupant));
+      touched += gap <= 0.0 ? occupant.probability : 0.0;
+      if (std::max(occupant.probability, touched) < probability_min - kRounding) {
+        continue;
+      }
       if (gap < verdict.smallest_gap_m) {
         verdict.smallest_gap_m = gap;
         verdict.gap_s = time;

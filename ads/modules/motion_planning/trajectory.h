@@ -42,11 +42,13 @@ struct Verdict {
 double over_edge_m(const Vehicle& vehicle, const Trajectory& trajectory, const Road& road,
                    double until_s);
 
-/// Less probable ways are considered only by their cost.
+/// Less probable ways are considered only by their cost, unless those of one object that touch the
+/// vehicle at the same time are more probable together.
 inline constexpr double kProbabilityMin = 0.2;
 
 /// Evaluates the first `until_s` of a trajectory with exact boxes. Ignores objects for which
-/// `is_ignored` is set, and ways less probable than `probability_min`.
+/// `is_ignored` is set, and ways less probable than `probability_min` as
+/// described there.
 Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffic& traffic,
               double until_s, const std::vector<bool>& is_ignored = {},
               double probability_min = kProbabilityMin);
