@@ -179,7 +179,7 @@ void Application::listen_to_peers() {
     }
   };
   peer_news_.on_fault = [this](const ComponentCore& component, const std::string& what) {
-    if (end_reason() == EndReason::kNone) {
+    if (is_started_ && end_reason() == EndReason::kNone) {
       observers_.faulted(component.name, what);
     }
   };

@@ -365,7 +365,7 @@ class Application final : public ApplicationHost {
   Peers* peers_ = nullptr;
   std::vector<base::Refusal> refusals_;
   bool is_built_ = false;
-  bool is_started_ = false;
+  std::atomic<bool> is_started_ = false;  ///< The observers have begun.
   bool is_stopped_ = false;
   std::atomic<std::int64_t> start_ns_{0};
   Time end_time_{};
