@@ -6,11 +6,13 @@
 #include <map>
 #include <random>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "executor/test_synchronization.h"
+#include "fastcycle/version.h"
 
 namespace fastcycle::detail {
 namespace {
@@ -207,12 +209,14 @@ std::string described(const std::vector<TestArrival>& arrivals) {
 }
 
 TEST(ManySynchronizedStreams, AreMatchedAsTheRuleSays) {
-  constexpr int kStreams = 100'000;
+  // A sanitizer makes each of them take ten times as long.
+  constexpr bool is_slow = std::string_view(FASTCYCLE_SANITIZER) != "none";
+  constexpr std::size_t kStreams = is_slow ? 25'000 : 100'000;
   std::mt19937_64 random(17);
   std::size_t sets = 0;
   std::size_t given_way = 0;
   std::array<std::size_t, 3> sets_of{};
-  for (int i = 0; i < kStreams; ++i) {
+  for (std::size_t i = 0; i < kStreams; ++i) {
     const auto policy = static_cast<SyncPolicy>(random() % 3);
     // Four topics give the oracle many sets to try.
     const std::size_t topics = 2 + (random() % 8 < 5 ? 0 : random() % 3);
@@ -237,9 +241,9 @@ TEST(ManySynchronizedStreams, AreMatchedAsTheRuleSays) {
     given_way += expected.unmatched.size();
   }
   // All kinds of things happened.
-  EXPECT_GT(sets, 500'000U);
-  EXPECT_GT(given_way, 500'000U);
-  EXPECT_GT(*std::ranges::min_element(sets_of), 20'000U);
+  EXPECT_GT(sets, 5 * kStreams);
+  EXPECT_GT(given_way, 5 * kStreams);
+  EXPECT_GT(*std::ranges::min_element(sets_of), kStreams / 5);
 }
 
 }  // namespace
