@@ -409,8 +409,8 @@ class Context {
   /// after `reason`: "hard braking". Does nothing if the application has no flight recorder.
   ///
   /// @threads  Safe.
-  /// @realtime No lock, no allocation, no system call; all three in a process that is not the main
-  /// one.
+  /// @realtime No lock, no allocation, no system call. With several processes, those other than the
+  /// main one send it a request: they lock, allocate and make a system call.
   void dump_flight_recorder(std::string_view reason);
 
   /// Requests a switch to the mode `mode`: the components that the application file lists for it

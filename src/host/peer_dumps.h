@@ -10,8 +10,8 @@ namespace fastcycle::host {
 
 class ApplicationHost;
 
-/// For an application of several processes: passes requests for a dump of the flight recorder on to
-/// the main process, which has it. At most `kMost` in each tenth of a second of application time.
+/// For an application of several processes: sends requests for a dump of the flight recorder to the
+/// main process, which has it. At most `kMost` in each tenth of a second of application time.
 ///
 /// @threads  `ask` is Safe; `take` as documented in `Peers`.
 class PeerDumps {
