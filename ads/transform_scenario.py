@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""Mirrors, rotates and shifts a CommonRoad scenario (2018b or 2020a), and adds standing cars.
+"""Mirrors, rotates and shifts a CommonRoad scenario (2018b or 2020a), adds standing cars, changes the vehicle's role.
 
     transform_scenario.py IN.xml OUT.xml [--mirror] [--rotate-deg 90] [--shift X Y] [--car X Y HEADING_DEG ...]
+                                         [--drive-as ID]
 
 The scene is mirrored at the x axis, so that traffic keeps to the other side, then rotated counter-clockwise around the
 origin and then shifted. Who has priority stays: an incoming that was the left one of another is the right one now, and
 is still named by isLeftOf. Cars of 4.5 m by 1.8 m stand in the scene from its first step on; their places are those of
-IN.xml.
+IN.xml. With --drive-as, the planning problem is that of a vehicle in the traffic, which is taken out: from where it
+begins to within 10 m of where it ends, in at most 1.2 times its time.
 """
 
 import argparse
@@ -103,6 +105,57 @@ def add_car(root, number, place):
     root.insert(problem, ElementTree.fromstring(text))
 
 
+NOT_DRIVEN = ("pedestrian", "bicycle", "motorcycle", "train")
+GOAL_LENGTH_M, GOAL_WIDTH_M = 20.0, 4.0
+SLOWEST = 1.2
+
+
+def state_of(state):
+    """Of a vehicle, at one step: step, x, y, heading [rad], speed [m/s]; None if one of them is no number."""
+    texts = [state.findtext(path) for path in ("time/exact", "position/point/x", "position/point/y",
+                                               "orientation/exact", "velocity/exact")]
+    if None in texts:
+        return None
+    return (int(float(texts[0])), *map(float, texts[1:]))
+
+
+def vehicles_of(root):
+    """Those that can be driven: by id, the element and its states, from the first step of the scene on."""
+    vehicles = {}
+    for kind in ("obstacle", "dynamicObstacle"):
+        for obstacle in root.iter(kind):
+            if obstacle.findtext("type") in NOT_DRIVEN:
+                continue
+            states = list(map(state_of, obstacle.findall("initialState") + obstacle.findall("trajectory/state")))
+            if len(states) > 1 and None not in states and states[0][0] == 0:
+                vehicles[obstacle.get("id")] = obstacle, sorted(states)
+    return vehicles
+
+
+def drive_as(root, number):
+    """Raises a ValueError that names the vehicles if there is no such one."""
+    vehicles = vehicles_of(root)
+    if number not in vehicles:
+        can_be = ", ".join(
+            f"{other} ({math.dist(states[0][1:3], states[-1][1:3]):.0f} m)" for other, (_, states) in vehicles.items())
+        raise ValueError(f"expected a vehicle with a trajectory from step 0 on, found {number}; such are: "
+                         f"{can_be or 'none'}")
+    obstacle, states = vehicles[number]
+    begin, end = states[0], states[-1]
+    problem = root.find("planningProblem")
+    for other in root.findall("planningProblem")[1:]:
+        root.remove(other)
+    problem[:] = ElementTree.fromstring(
+        f"<planningProblem><initialState><position><point><x>{begin[1]!r}</x><y>{begin[2]!r}</y></point></position>"
+        f"<orientation><exact>{begin[3]!r}</exact></orientation><time><exact>0</exact></time>"
+        f"<velocity><exact>{begin[4]!r}</exact></velocity><yawRate><exact>0</exact></yawRate>"
+        f"<slipAngle><exact>0</exact></slipAngle></initialState><goalState><position><rectangle>"
+        f"<length>{GOAL_LENGTH_M}</length><width>{GOAL_WIDTH_M}</width><orientation>{end[3]!r}</orientation>"
+        f"<center><x>{end[1]!r}</x><y>{end[2]!r}</y></center></rectangle></position><time><intervalStart>1"
+        f"</intervalStart><intervalEnd>{math.ceil(end[0] * SLOWEST)}</intervalEnd></time></goalState></planningProblem>")
+    root.remove(obstacle)
+
+
 def transform(root, angle, shift, cars, is_mirrored):
     taken = {int(element.get("id")) for element in root.iter() if element.get("id")}
     for place in cars:
@@ -125,6 +178,7 @@ def main():
     parser.add_argument("--mirror", action="store_true")
     parser.add_argument("--rotate-deg", type=float, default=0.0, metavar="ANGLE")
     parser.add_argument("--shift", type=float, nargs=2, default=(0.0, 0.0), metavar=("X", "Y"))
+    parser.add_argument("--drive-as", metavar="ID", help="the id of a moving vehicle")
     parser.add_argument("--car", type=float, nargs=3, action="append", default=[],
                         metavar=("X", "Y", "HEADING_DEG"))
     arguments = parser.parse_args()
@@ -134,6 +188,11 @@ def main():
         sys.exit(f"{arguments.scenario}: {error}")
     if tree.getroot().tag != "commonRoad" or tree.getroot().find("planningProblem") is None:
         sys.exit(f"{arguments.scenario}: expected a CommonRoad scenario with a planning problem")
+    try:
+        if arguments.drive_as is not None:
+            drive_as(tree.getroot(), arguments.drive_as)
+    except ValueError as error:
+        sys.exit(f"{arguments.scenario}: {error}")
     transform(tree.getroot(), math.radians(arguments.rotate_deg), arguments.shift, arguments.car, arguments.mirror)
     tree.write(arguments.result, encoding="utf-8", xml_declaration=True)
 

@@ -107,6 +107,29 @@ class TransformScenario(unittest.TestCase):
             numbers = [element.get("id") for element in after.iter(kind)]
             self.assertEqual(len(numbers), len(set(numbers)))
 
+    def test_a_vehicle_of_the_traffic_becomes_the_one_that_is_driven(self):
+        for scenario, number in zip(SCENARIOS, ("302", "375")):
+            before, after = read(scenario), transform(scenario, "--drive-as", number)
+            kind = "obstacle" if before.get("commonRoadVersion") == "2018b" else "dynamicObstacle"
+            driven = next(element for element in before.iter(kind) if element.get("id") == number)
+            self.assertNotIn(number, [element.get("id") for element in after.iter(kind)])
+            self.assertEqual(len(list(after.iter(kind))), len(list(before.iter(kind))) - 1)
+            problem = after.find("planningProblem")
+            last = driven.findall("trajectory/state")[-1]
+            self.assertEqual(points_of(problem, "initialState"), points_of(driven, "initialState"))
+            self.assertEqual(values(problem, "initialState/velocity/exact"), values(driven, "initialState/velocity/exact"))
+            self.assertEqual(points_of(problem, "goalState/position/rectangle"), points(last))
+            self.assertEqual(values(problem, "goalState/position/rectangle/orientation"), values(last, "orientation/exact"))
+            self.assertGreater(values(problem, "goalState/time/intervalEnd")[0], values(last, "time/exact")[0])
+
+    def test_who_asks_for_no_vehicle_is_told_which_there_are(self):
+        with tempfile.TemporaryDirectory() as folder:
+            run = subprocess.run([sys.executable, HERE / "transform_scenario.py", SCENARIOS[0],
+                                  pathlib.Path(folder) / "out.xml", "--drive-as", "1"], capture_output=True, text=True)
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("found 1; such are: ", run.stderr)
+        self.assertIn("302 (31 m)", run.stderr)
+
 
 if __name__ == "__main__":
     unittest.main()
