@@ -40,6 +40,8 @@ constexpr double kSpeedingUp_mps2 = 3.5;
 constexpr std::array kBraking_mps2 = {-5.3, -7.6};
 constexpr std::array kLateral_mps2 = {2.6, 5.0};
 constexpr double kJerkMax_mps3 = 20.0;
+// What tyres can do on a dry road: where nothing helps, an optimized way must not rely on more.
+constexpr double kBrakingMax_mps2 = -8.0;
 
 constexpr double kGoalPlace = 100.0;
 constexpr double kGoalCentre = 3.0;
@@ -460,6 +462,10 @@ Way Optimizer::descend(Way way, int iterations_max) {
                 std::clamp(way.inputs[step].jerk_mps3 + input(0), -kJerkMax_mps3, kJerkMax_mps3),
             .steering_rate_radps =
                 std::clamp(way.inputs[step].steering_rate_radps + input(1), -rate_max, rate_max)};
+        // The vehicle brakes no harder than it can.
+        const double hardest = std::min(kBrakingMax_mps2, now.acceleration_mps2);
+        double& jerk = trial.inputs[step].jerk_mps3;
+        jerk = std::max(jerk, (hardest - now.acceleration_mps2) / kStep_s);
         // The wheels turn no farther than they can.
         const double most = std::max(problem_.vehicle.steering_max_rad, std::abs(now.steering_rad));
         double& rate = trial.inputs[step].steering_rate_radps;

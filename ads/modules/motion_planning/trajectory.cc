@@ -23,6 +23,36 @@ ads::Box box_of(const Occupant& occupant) {
           .width_m = 2.0 * occupant.half_width_m};
 }
 
+// An optimized way may end in a negative speed. The vehicle stands then, and follows the way's speeds
+// and steering from where it stands.
+void stand_instead_of_reversing(const Vehicle& vehicle, double step_s, std::vector<State>& states) {
+  const auto first =
+      std::ranges::find_if(states, [](const State& state) { return state.speed_mps < 0.0; });
+  if (first == states.end()) {
+    return;
+  }
+  for (auto state = first; state != states.end(); ++state) {
+    if (state->speed_mps <= 0.0) {
+      state->speed_mps = 0.0;
+      state->acceleration_mps2 = 0.0;
+    }
+    if (state == states.begin()) {
+      continue;
+    }
+    const State& from = *(state - 1);
+    const double way = 0.5 * step_s * (from.speed_mps + state->speed_mps);
+    const double turn = 0.5 * step_s * (yaw_rate(vehicle, from) + yaw_rate(vehicle, *state));
+    // The rear axle moves along the heading.
+    const double lever = vehicle.centre_to_rear_axle_m;
+    state->heading_rad = from.heading_rad + turn;
+    const double middle = from.heading_rad + 0.5 * turn;
+    state->x_m = from.x_m + way * std::cos(middle) +
+                 lever * (std::cos(state->heading_rad) - std::cos(from.heading_rad));
+    state->y_m = from.y_m + way * std::sin(middle) +
+                 lever * (std::sin(state->heading_rad) - std::sin(from.heading_rad));
+  }
+}
+
 }  // namespace
 
 State Trajectory::at(double time_s) const {
@@ -41,9 +71,7 @@ Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s)
     trajectory.states.push_back(drive(vehicle, way.states[step], way.inputs[step], kHalf_s));
   }
   trajectory.states.push_back(way.states.back());
-  for (State& state : trajectory.states) {
-    state.speed_mps = std::max(0.0, state.speed_mps);
-  }
+  stand_instead_of_reversing(vehicle, kHalf_s, trajectory.states);
   return trajectory;
 }
 

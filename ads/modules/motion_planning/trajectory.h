@@ -21,7 +21,8 @@ struct Trajectory {
   }
 };
 
-/// The way as a trajectory: the same motion, with half the time step.
+/// The way as a trajectory: the same motion, with half the time step. Where the way reverses, the
+/// vehicle stands.
 Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s);
 
 /// The evaluation of a trajectory against predictions.
