@@ -16,29 +16,44 @@ Eigen::Vector2d in_box(const Box& box, const Eigen::Vector2d& point_m) {
   return {from_center.dot(forward), from_center.dot(left_of(forward))};
 }
 
-// Whether one of the edges of `a` has all of `b` strictly on its other side.
-bool is_separated_by_edges_of(const Box& a, const Box& b) {
+struct PlacedBox {
+  explicit PlacedBox(const Box& box)
+      : center_m(box.center_m),
+        half_m(box.length_m / 2.0, box.width_m / 2.0),
+        forward(direction(box.heading_rad)) {
+    const Eigen::Vector2d ahead = forward * half_m.x();
+    const Eigen::Vector2d left = left_of(forward) * half_m.y();
+    corners_m = {center_m + ahead + left, center_m - ahead + left, center_m - ahead - left,
+                 center_m + ahead - left};
+  }
+
+  Eigen::Vector2d center_m;
+  Eigen::Vector2d half_m;
+  Eigen::Vector2d forward;
+  std::array<Eigen::Vector2d, 4> corners_m;
+};
+
+struct CornersBeside {
+  bool are_separated;  // One of the box's edges has all corners strictly on its other side.
+  double distance_m;   // Of the nearest one.
+};
+
+CornersBeside corners_beside(const PlacedBox& box, const std::array<Eigen::Vector2d, 4>& corners_m) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const Eigen::Vector2d left = left_of(box.forward);
   Eigen::Vector2d least(kInfinity, kInfinity);
   Eigen::Vector2d most(-kInfinity, -kInfinity);
-  for (const Eigen::Vector2d& corner : b.corners()) {
-    const Eigen::Vector2d place = in_box(a, corner);
+  double squared = kInfinity;
+  for (const Eigen::Vector2d& corner : corners_m) {
+    const Eigen::Vector2d from_center = corner - box.center_m;
+    const Eigen::Vector2d place(from_center.dot(box.forward), from_center.dot(left));
     least = least.cwiseMin(place);
     most = most.cwiseMax(place);
+    const Eigen::Vector2d beyond = (place.cwiseAbs() - box.half_m).cwiseMax(0.0);
+    squared = std::min(squared, beyond.squaredNorm());
   }
-  const Eigen::Vector2d half(a.length_m / 2.0, a.width_m / 2.0);
-  return (least.array() > half.array()).any() || (most.array() < -half.array()).any();
-}
-
-double distance_from_corners_m(const Box& corners_of, const Box& edges_of) {
-  const auto edges = edges_of.corners();
-  double least = std::numeric_limits<double>::infinity();
-  for (const Eigen::Vector2d& corner : corners_of.corners()) {
-    for (std::size_t edge = 0; edge < edges.size(); ++edge) {
-      least = std::min(least, distance_m(corner, edges[edge], edges[(edge + 1) % edges.size()]));
-    }
-  }
-  return least;
+  return {(least.array() > box.half_m.array()).any() || (most.array() < -box.half_m.array()).any(),
+          std::sqrt(squared)};
 }
 
 }  // namespace
@@ -61,10 +76,7 @@ double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 }
 
 std::array<Eigen::Vector2d, 4> Box::corners() const {
-  const Eigen::Vector2d forward = direction(heading_rad) * (length_m / 2.0);
-  const Eigen::Vector2d left = left_of(direction(heading_rad)) * (width_m / 2.0);
-  return {center_m + forward + left, center_m - forward + left, center_m - forward - left,
-          center_m + forward - left};
+  return PlacedBox(*this).corners_m;
 }
 
 bool Box::contains(const Eigen::Vector2d& point_m) const {
@@ -73,12 +85,16 @@ bool Box::contains(const Eigen::Vector2d& point_m) const {
 }
 
 bool overlap(const Box& a, const Box& b) {
-  return !is_separated_by_edges_of(a, b) && !is_separated_by_edges_of(b, a);
+  return distance_m(a, b) <= 0.0;
 }
 
 double distance_m(const Box& a, const Box& b) {
-  return overlap(a, b) ? 0.0
-                       : std::min(distance_from_corners_m(a, b), distance_from_corners_m(b, a));
+  const PlacedBox one(a);
+  const PlacedBox other(b);
+  const CornersBeside of_other = corners_beside(one, other.corners_m);
+  const CornersBeside of_one = corners_beside(other, one.corners_m);
+  const bool are_apart = of_other.are_separated || of_one.are_separated;
+  return are_apart ? std::min(of_other.distance_m, of_one.distance_m) : 0.0;
 }
 
 double distance_m(const Eigen::Vector2d& point_m, const Eigen::Vector2d& begin_m,
