@@ -462,10 +462,12 @@ Way Optimizer::descend(Way way, int iterations_max) {
                 std::clamp(way.inputs[step].jerk_mps3 + input(0), -kJerkMax_mps3, kJerkMax_mps3),
             .steering_rate_radps =
                 std::clamp(way.inputs[step].steering_rate_radps + input(1), -rate_max, rate_max)};
-        // The vehicle brakes no harder than it can.
-        const double hardest = std::min(kBrakingMax_mps2, now.acceleration_mps2);
-        double& jerk = trial.inputs[step].jerk_mps3;
-        jerk = std::max(jerk, (hardest - now.acceleration_mps2) / kStep_s);
+        if (problem_.is_emergency) {
+          // The vehicle brakes no harder than it can.
+          const double hardest = std::min(kBrakingMax_mps2, now.acceleration_mps2);
+          double& jerk = trial.inputs[step].jerk_mps3;
+          jerk = std::max(jerk, (hardest - now.acceleration_mps2) / kStep_s);
+        }
         // The wheels turn no farther than they can.
         const double most = std::max(problem_.vehicle.steering_max_rad, std::abs(now.steering_rad));
         double& rate = trial.inputs[step].steering_rate_radps;
