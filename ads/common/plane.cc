@@ -38,7 +38,8 @@ struct CornersBeside {
   double distance_m;   // Of the nearest one.
 };
 
-CornersBeside corners_beside(const PlacedBox& box, const std::array<Eigen::Vector2d, 4>& corners_m) {
+CornersBeside corners_beside(const PlacedBox& box,
+                             const std::array<Eigen::Vector2d, 4>& corners_m) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Eigen::Vector2d left = left_of(box.forward);
   Eigen::Vector2d least(kInfinity, kInfinity);

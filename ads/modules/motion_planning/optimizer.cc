@@ -57,6 +57,12 @@ double cube(double value) {
   return value * value * value;
 }
 
+// The vehicle brakes no harder than it can, or does already.
+double possible_jerk_mps3(const State& state, double jerk_mps3) {
+  const double hardest_mps2 = std::min(kBrakingMax_mps2, state.acceleration_mps2);
+  return std::max(jerk_mps3, (hardest_mps2 - state.acceleration_mps2) / kStep_s);
+}
+
 }  // namespace
 
 // A sum of squares, and its Gauss-Newton approximation.
@@ -398,7 +404,10 @@ void Optimizer::aim(const Way& way) {
 Way Optimizer::roll_out(const std::vector<Input>& inputs) const {
   Way way{.states = {problem_.start}, .inputs = inputs};
   way.states.reserve(inputs.size() + 1);
-  for (const Input& input : inputs) {
+  for (Input& input : way.inputs) {
+    if (problem_.is_emergency) {
+      input.jerk_mps3 = possible_jerk_mps3(way.states.back(), input.jerk_mps3);
+    }
     way.states.push_back(drive(problem_.vehicle, way.states.back(), input, kStep_s));
   }
   return way;
@@ -463,10 +472,7 @@ Way Optimizer::descend(Way way, int iterations_max) {
             .steering_rate_radps =
                 std::clamp(way.inputs[step].steering_rate_radps + input(1), -rate_max, rate_max)};
         if (problem_.is_emergency) {
-          // The vehicle brakes no harder than it can.
-          const double hardest = std::min(kBrakingMax_mps2, now.acceleration_mps2);
-          double& jerk = trial.inputs[step].jerk_mps3;
-          jerk = std::max(jerk, (hardest - now.acceleration_mps2) / kStep_s);
+          trial.inputs[step].jerk_mps3 = possible_jerk_mps3(now, trial.inputs[step].jerk_mps3);
         }
         // The wheels turn no farther than they can.
         const double most = std::max(problem_.vehicle.steering_max_rad, std::abs(now.steering_rad));

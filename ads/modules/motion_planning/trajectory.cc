@@ -23,8 +23,8 @@ ads::Box box_of(const Occupant& occupant) {
           .width_m = 2.0 * occupant.half_width_m};
 }
 
-// An optimized way may end in a negative speed. The vehicle stands then, and follows the way's speeds
-// and steering from where it stands.
+// An optimized way may end in a negative speed. The vehicle stands then, and follows the way's
+// speeds and steering from where it stands.
 void stand_instead_of_reversing(const Vehicle& vehicle, double step_s, std::vector<State>& states) {
   const auto first =
       std::ranges::find_if(states, [](const State& state) { return state.speed_mps < 0.0; });
