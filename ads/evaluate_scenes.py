@@ -2,8 +2,8 @@
 """Drives the ADS through the given CommonRoad scenes, and reports the results by kind of road and cause.
 
     evaluate_scenes.py FOLDER_OR_FILE ... [--fastcycle PROGRAM] [--jobs N] [--traffic replay|reactive] [--out DIR]
-                       [--compare EARLIER.json] [--expect KNOWN.json] [--sensor-faults SEED] [--shuffle SEED] [--seconds S]
-                       [--pages] [--limit-s S] [-- WORD ...]
+                       [--compare EARLIER.json] [--expect KNOWN.json] [--sensor-faults SEED] [--random-role SEED]
+                       [--random-transform SEED] [--shuffle SEED] [--seconds S] [--pages] [--limit-s S] [-- WORD ...]
 
 Each scene is driven in simulated time and ends at the goal or after the goal's time (README of world). It is
 judged by evaluate_drive.py, from the scenario's file, the way that was driven, and, where traffic reacts, the places of all
@@ -22,7 +22,9 @@ others as the world wrote them. The classes, the first that holds:
   solved
 
 With --sensor-faults one sensor of each drive fails: its messages are lost, not a number, frozen or late, from a random time of the
-drive on, for a while or to its end. SEED and the scene's name determine which.
+drive on, for a while or to its end. With --random-role the vehicle takes the place of another one in the traffic that goes at
+least 25 m in at least 3 s; scenes without one are left out. With --random-transform each scene is rotated and shifted, and half of
+them are mirrored (transform_scenario.py). The changed scenes are in DIR/variants. SEED and the scene's name determine all this.
 
 Prints a line for each scene as it ends, a Markdown table, and the improvements and regressions since EARLIER.json. DIR has scenes.json
 with an entry for each scene, scenes.html with the table and the drives' pictures, and a folder with the files of each drive;
@@ -52,6 +54,7 @@ import xml.etree.ElementTree as ElementTree
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 import evaluate_drive  # noqa: E402
+import transform_scenario  # noqa: E402
 
 GAP_M = 0.5
 SOLVED, GAP, EDGE = "solved", "solved, gap < 0.5 m", "solved, body over the edge"
@@ -387,6 +390,34 @@ def scenes_in(paths):
     return [scene.resolve() for scene in found]
 
 
+def variants_of(scenes, options):
+    """The scenes as --random-role and --random-transform change them, in files of their own."""
+    if options.random_role is None and options.random_transform is None:
+        return scenes
+    folder = options.out / "variants"
+    folder.mkdir(parents=True, exist_ok=True)
+    found = []
+    for scene in scenes:
+        try:
+            tree = ElementTree.parse(scene)
+        except ElementTree.ParseError as error:
+            fail(f"{scene}: {error}")
+        root = tree.getroot()
+        if options.random_role is not None:
+            draw = random.Random(f"role {options.random_role} {scene.stem}")
+            if root.find("planningProblem") is None or not transform_scenario.drive_as_any(root, draw):
+                continue
+        if options.random_transform is not None:
+            draw = random.Random(f"transform {options.random_transform} {scene.stem}")
+            transform_scenario.transform_at_random(root, draw)
+        tree.write(folder / scene.name, encoding="utf-8", xml_declaration=True)
+        found.append(folder / scene.name)
+    if not found:
+        fail("none of the scenes has another vehicle that goes far enough")
+    print(f"{len(found)} of {len(scenes)} scenes changed at random, in {folder}", file=sys.stderr, flush=True)
+    return found
+
+
 def read_options(words):
     own = words.index("--") if "--" in words else len(words)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -399,6 +430,8 @@ def read_options(words):
     parser.add_argument("--compare", type=pathlib.Path, metavar="EARLIER.json", help="report improvements and regressions since this file")
     parser.add_argument("--expect", type=pathlib.Path, metavar="KNOWN.json", help="fail if a scene ends in a worse class than in this file")
     parser.add_argument("--sensor-faults", type=int, metavar="SEED", help="one sensor of each drive fails, as SEED determines")
+    parser.add_argument("--random-role", type=int, metavar="SEED", help="drive as another vehicle of the traffic, which SEED determines")
+    parser.add_argument("--random-transform", type=int, metavar="SEED", help="rotate, shift and mirror each scene, as SEED determines")
     parser.add_argument("--shuffle", type=int, metavar="SEED", help="drive the scenes in a random order, determined by this seed")
     parser.add_argument("--seconds", type=float, metavar="S", help="begin no drive after this time, in seconds")
     parser.add_argument("--pages", action="store_true", help="render a page of each drive (some MB each)")
@@ -418,8 +451,6 @@ def read_options(words):
 def main():
     options = read_options(sys.argv[1:])
     scenes = scenes_in(options.scenes)
-    if options.shuffle is not None:
-        random.Random(options.shuffle).shuffle(scenes)
     earlier = known = None
     try:
         if options.compare:
@@ -427,9 +458,12 @@ def main():
         if options.expect:
             known = json.loads(options.expect.read_text(encoding="utf-8"))["scenes"]
         options.out.mkdir(parents=True, exist_ok=True)
+        scenes = variants_of(scenes, options)
         drives = Drives(options)
     except (OSError, ValueError, KeyError) as error:
         fail(str(error))
+    if options.shuffle is not None:
+        random.Random(options.shuffle).shuffle(scenes)
     drives.begin_until_s = time.monotonic() + (options.seconds or math.inf)
     entries, is_interrupted = [], False
     pool = concurrent.futures.ThreadPoolExecutor(options.jobs)
@@ -451,7 +485,7 @@ def main():
     pool.shutdown(wait=True, cancel_futures=True)
     entries.sort(key=lambda entry: entry["scene"])
     result = {"program": drives.program, "traffic": options.traffic, "words": options.words, "sensor_faults": options.sensor_faults,
-              "is_complete": len(entries) == len(scenes), "scenes": entries}  # fmt: skip
+              "random_role": options.random_role, "random_transform": options.random_transform, "is_complete": len(entries) == len(scenes), "scenes": entries}  # fmt: skip
     new = options.out / "scenes.json.new"
     new.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     new.replace(options.out / "scenes.json")

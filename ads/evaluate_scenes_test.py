@@ -1,10 +1,19 @@
 #!/usr/bin/env python3
-"""Tests the classes that evaluate_scenes.py assigns to scenes."""
+"""Tests the classes that evaluate_scenes.py assigns to scenes, and how it changes them at random."""
 
+import contextlib
+import io
+import math
+import pathlib
+import tempfile
+import types
 import unittest
 import xml.etree.ElementTree as ElementTree
 
 import evaluate_scenes
+import transform_scenario
+
+HERE = pathlib.Path(__file__).resolve().parent
 
 
 def entry(scene, its_class, cause=""):
@@ -54,6 +63,36 @@ class SensorFaults(unittest.TestCase):
             begin = faults[0]["from_s"] if faults else params["drivers"]["lidar_fault_after_s"]
             self.assertTrue(5.5 <= begin <= 13.0, begin)
             self.assertEqual(len(faults) + len(params), 1)
+
+
+class Variants(unittest.TestCase):
+    SCENES = sorted((HERE / "data/commonroad").glob("*.xml"))
+
+    def variants(self, role=None, transform=None):
+        """The text of each changed scene, by its name."""
+        with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stderr(io.StringIO()):
+            options = types.SimpleNamespace(out=pathlib.Path(folder), random_role=role, random_transform=transform)
+            found = evaluate_scenes.variants_of(self.SCENES, options)
+            return {scene.stem: scene.read_bytes() for scene in found}
+
+    def test_without_a_seed_the_scenes_stay_as_they_are(self):
+        self.assertEqual(self.variants(), {scene.stem: scene.read_bytes() for scene in self.SCENES})
+
+    def test_the_seed_determines_role_and_place(self):
+        for options in ({"role": 1}, {"transform": 1}, {"role": 1, "transform": 1}):
+            again = self.variants(**options)
+            self.assertEqual(set(again), {scene.stem for scene in self.SCENES})
+            self.assertEqual(self.variants(**options), again)
+            self.assertNotEqual(self.variants(**{name: 2 for name in options}), again)
+
+    def test_the_role_is_that_of_a_vehicle_that_goes_far_enough(self):
+        for name, text in self.variants(role=3).items():
+            before = ElementTree.parse(HERE / "data/commonroad" / f"{name}.xml").getroot()
+            after = ElementTree.fromstring(text)
+            taken = {element.get("id") for element in before.iter()} - {element.get("id") for element in after.iter()}
+            _, states = transform_scenario.vehicles_of(before)[taken.pop()]
+            self.assertFalse(taken)
+            self.assertGreater(math.dist(states[0][1:3], states[-1][1:3]), 25.0)
 
 
 if __name__ == "__main__":

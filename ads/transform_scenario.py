@@ -156,6 +156,23 @@ def drive_as(root, number):
     root.remove(obstacle)
 
 
+SHORTEST_ROLE_M, SHORTEST_ROLE_STEPS = 25.0, 30
+
+
+def drive_as_any(root, draw):
+    """Drives as a vehicle that `draw`, a random.Random, chooses of those that go far enough; False if none does."""
+    far = [number for number, (_, states) in vehicles_of(root).items()
+           if len(states) >= SHORTEST_ROLE_STEPS and math.dist(states[0][1:3], states[-1][1:3]) >= SHORTEST_ROLE_M]  # fmt: skip
+    if far:
+        drive_as(root, draw.choice(far))
+    return bool(far)
+
+
+def transform_at_random(root, draw):
+    shift = draw.uniform(-5000.0, 5000.0), draw.uniform(-5000.0, 5000.0)
+    transform(root, draw.uniform(-math.pi, math.pi), shift, [], draw.random() < 0.5)
+
+
 def transform(root, angle, shift, cars, is_mirrored):
     taken = {int(element.get("id")) for element in root.iter() if element.get("id")}
     for place in cars:
