@@ -37,6 +37,7 @@ left the road, was refused or timed out; 2 for an error in the command; 130 if i
 import argparse
 import collections
 import concurrent.futures
+import fcntl
 import hashlib
 import html
 import json
@@ -418,6 +419,17 @@ def variants_of(scenes, options):
     return found
 
 
+def lock(folder):
+    """The open lock of the output folder, which ends with the process."""
+    file = (folder / "lock").open("w", encoding="utf-8")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        fail(f"{folder}: another evaluate_scenes.py writes there; give one of them another --out")
+    return file
+
+
 def read_options(words):
     own = words.index("--") if "--" in words else len(words)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -458,6 +470,7 @@ def main():
         if options.expect:
             known = json.loads(options.expect.read_text(encoding="utf-8"))["scenes"]
         options.out.mkdir(parents=True, exist_ok=True)
+        options.lock = lock(options.out)  # Until the end.
         scenes = variants_of(scenes, options)
         drives = Drives(options)
     except (OSError, ValueError, KeyError) as error:

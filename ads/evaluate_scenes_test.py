@@ -95,5 +95,16 @@ class Variants(unittest.TestCase):
             self.assertGreater(math.dist(states[0][1:3], states[-1][1:3]), 25.0)
 
 
+class Lock(unittest.TestCase):
+    def test_only_one_evaluation_writes_into_a_folder(self):
+        with tempfile.TemporaryDirectory() as folder:
+            first = evaluate_scenes.lock(pathlib.Path(folder))
+            with self.assertRaises(SystemExit), contextlib.redirect_stderr(io.StringIO()) as said:
+                evaluate_scenes.lock(pathlib.Path(folder))
+            self.assertIn("another evaluate_scenes.py writes there", said.getvalue())
+            first.close()
+            evaluate_scenes.lock(pathlib.Path(folder)).close()
+
+
 if __name__ == "__main__":
     unittest.main()
