@@ -26,11 +26,16 @@ ads::Box box_of(const Occupant& occupant) {
 // An optimized way may end in a negative speed. The vehicle stands then, and follows the way's
 // speeds and steering from where it stands.
 void stand_instead_of_reversing(const Vehicle& vehicle, double step_s, std::vector<State>& states) {
-  const auto first =
-      std::ranges::find_if(states, [](const State& state) { return state.speed_mps < 0.0; });
-  if (first == states.end()) {
+  constexpr double kStop_mps = -0.3;
+  const auto is_reversing = [](const State& state) { return state.speed_mps < kStop_mps; };
+  if (std::ranges::none_of(states, is_reversing)) {
+    for (State& state : states) {
+      state.speed_mps = std::max(0.0, state.speed_mps);
+    }
     return;
   }
+  const auto first =
+      std::ranges::find_if(states, [](const State& state) { return state.speed_mps < 0.0; });
   for (auto state = first; state != states.end(); ++state) {
     if (state->speed_mps <= 0.0) {
       state->speed_mps = 0.0;
