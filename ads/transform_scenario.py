@@ -211,7 +211,10 @@ def main():
     except ValueError as error:
         sys.exit(f"{arguments.scenario}: {error}")
     transform(tree.getroot(), math.radians(arguments.rotate_deg), arguments.shift, arguments.car, arguments.mirror)
-    tree.write(arguments.result, encoding="utf-8", xml_declaration=True)
+    try:
+        tree.write(arguments.result, encoding="utf-8", xml_declaration=True)
+    except OSError as error:
+        sys.exit(f"{arguments.result}: {error.strerror}")
 
 
 if __name__ == "__main__":

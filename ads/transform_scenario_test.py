@@ -130,6 +130,11 @@ class TransformScenario(unittest.TestCase):
         self.assertIn("found 1; such are: ", run.stderr)
         self.assertIn("302 (31 m)", run.stderr)
 
+    def test_a_result_that_cannot_be_written_is_named(self):
+        for result, why in (("/nowhere/out.xml", "No such file or directory"), ("/dev/full", "No space left on device")):
+            run = subprocess.run([sys.executable, HERE / "transform_scenario.py", SCENARIOS[0], result], capture_output=True, text=True)
+            self.assertEqual((run.returncode, run.stderr), (1, f"{result}: {why}\n"))
+
 
 if __name__ == "__main__":
     unittest.main()

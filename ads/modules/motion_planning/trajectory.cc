@@ -23,8 +23,8 @@ ads::Box box_of(const Occupant& occupant) {
           .width_m = 2.0 * occupant.half_width_m};
 }
 
-// An optimized way may end in a negative speed. The vehicle stands then, and follows the way's
-// speeds and steering from where it stands.
+// An optimized way may reverse. The vehicle stands then, and follows the way's speeds and steering
+// from where it stands. The optimizer leaves speeds a little below 0 at a stop; these count as 0.
 void stand_instead_of_reversing(const Vehicle& vehicle, double step_s, std::vector<State>& states) {
   constexpr double kStop_mps = -0.3;
   const auto is_reversing = [](const State& state) { return state.speed_mps < kStop_mps; };
