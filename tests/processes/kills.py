@@ -174,8 +174,10 @@ def main():
         kills += killed
         drives += 1
         print(f"kills: {drives} drives, {kills.total()} kills", flush=True)
-    print(f"kills: {kills.total()} kills of {len(kills)} processes in {drives} drives; a process was there again after "
-          f"{1e3 * statistics.median(times):.0f} ms (median), {1e3 * max(times):.0f} ms at most; nothing else ended, all ledgers add up")
+    # A process that was stopped is there again when its heartbeat has been missed, which is not the time of a restart.
+    again = (f"a process that ended was there again after {1e3 * statistics.median(times):.0f} ms (median), {1e3 * max(times):.0f} ms at most"
+             if times else "none of them ended, all were stopped")
+    print(f"kills: {kills.total()} kills of {len(kills)} processes in {drives} drives; {again}; nothing else ended, all ledgers add up")
 
 
 if __name__ == "__main__":
