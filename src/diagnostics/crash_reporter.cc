@@ -652,8 +652,8 @@ void report_and_end(const char* reason, int exit_code) noexcept {
 
 namespace {
 
-/// Replaces `_exit` in this process.
-[[noreturn]] void leave(const char* call, int code, const void* caller) noexcept {
+/// Replaces `_exit` in this process, except under a sanitizer, which replaces it itself.
+[[noreturn, maybe_unused]] void leave(const char* call, int code, const void* caller) noexcept {
   if (is_of_this_run()) {
     // Calls of the framework itself, and of the program, are intended.
     const LoadedObject* const object = find_object(reinterpret_cast<std::uintptr_t>(caller));
