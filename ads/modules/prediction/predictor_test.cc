@@ -1,5 +1,6 @@
 #include "predictor.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -106,6 +107,34 @@ TEST_F(PredictorTest, CarThatFollowsCloselyDoesNotBrakeForThat) {
   add(1, 35.0, 0.0, 15.0);
 
   EXPECT_NEAR(predict().hypotheses(0).points(60).speed_mps(), 15.0, 0.1);
+}
+
+TEST_F(PredictorTest, CarThatBrakesHardMayGoOnBraking) {
+  add(1, 20.0, 0.0, 15.0).set_acceleration_mps2(-5.0);
+
+  const auto& predicted = predict();
+
+  EXPECT_NEAR(sum(predicted), 1.0, 1e-9);
+  EXPECT_NEAR(predicted.hypotheses(0).points(30).speed_mps(), 15.0, 0.5);
+  const auto& braked = *std::ranges::min_element(
+      predicted.hypotheses(), {}, [](const auto& one) { return one.points(60).speed_mps(); });
+  EXPECT_EQ(braked.kind(), prediction::LANE_FOLLOWING);
+  EXPECT_GT(braked.probability(), 0.2);
+  EXPECT_NEAR(braked.points(10).speed_mps(), 11.0, 0.3);
+  EXPECT_LT(braked.points(30).speed_mps(), 8.0);
+  EXPECT_NEAR(braked.points(60).x_m(), 20.0 + 49.0, 2.0);
+}
+
+TEST_F(PredictorTest, CarThatBrakesToAStandDoesNotReverse) {
+  add(1, 20.0, 0.0, 4.0).set_acceleration_mps2(-6.0);
+
+  const auto& points = predict().hypotheses(1).points();
+
+  EXPECT_EQ(points[60].speed_mps(), 0.0);
+  EXPECT_LT(points[60].x_m(), 24.0);
+  for (int index = 1; index < points.size(); ++index) {
+    EXPECT_GE(points[index].x_m(), points[index - 1].x_m() - 1e-9);
+  }
 }
 
 TEST_F(PredictorTest, CarThatMovesToTheSideChangesTheLane) {
