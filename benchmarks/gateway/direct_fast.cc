@@ -1,27 +1,23 @@
 // Fast DDS, with messages that are already serialized. https://fast-dds.docs.eprosima.com
 #include <chrono>
+#include <cstring>
+#include <memory>
+#include <span>
 #include <stdexcept>
+#include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
-#include <fastdds/dds/domain/DomainParticipant.hpp>
-#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
-#include <fastdds/dds/publisher/DataWriter.hpp>
-#include <fastdds/dds/publisher/Publisher.hpp>
-#include <fastdds/dds/subscriber/DataReader.hpp>
-#include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
-#include <fastdds/dds/subscriber/Subscriber.hpp>
-#include <fastdds/dds/topic/TopicDataType.hpp>
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
-
+#include "dds_gateway/fast_dds.h"
 #include "dds_gateway/interface.h"
 #include "gateway/direct.h"
 
 namespace fastcycle::direct {
 namespace {
 
-namespace fdds = eprosima::fastdds::dds;
-namespace rtps = eprosima::fastrtps::rtps;
+namespace fdds = fast_dds::fdds;
+namespace rtps = fast_dds::rtps;
 using namespace std::chrono_literals;
 
 constexpr int kDepth = 10;
@@ -34,46 +30,38 @@ T* checked(T* made, const char* what) {
   return made;
 }
 
-/// Messages are vectors of the bytes to send.
-class BytesType final : public fdds::TopicDataType {
+/// Messages are spans of the bytes to send, and vectors of those received.
+class BytesType final : public fast_dds::SerializedType {
  public:
   using Bytes = std::vector<std::byte>;
 
-  BytesType() {
-    setName("fastcycle::Bytes");
-    m_typeSize = 1024;
-    m_isGetKeyDefined = false;
+  BytesType() : SerializedType("fastcycle::Bytes", 1024) {}
+
+ private:
+  [[nodiscard]] std::uint32_t size_of(const void* sample) const override {
+    return static_cast<std::uint32_t>(
+        static_cast<const std::span<const std::byte>*>(sample)->size());
   }
-  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
-    const auto& bytes = *static_cast<const std::span<const std::byte>*>(data);
-    std::memcpy(payload->data, bytes.data(), bytes.size());
-    payload->length = static_cast<std::uint32_t>(bytes.size());
+  bool put(const void* sample, rtps::SerializedPayload_t& payload) override {
+    const auto& bytes = *static_cast<const std::span<const std::byte>*>(sample);
+    std::memcpy(payload.data, bytes.data(), bytes.size());
+    payload.length = static_cast<std::uint32_t>(bytes.size());
     return true;
   }
-  bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
-    const auto* const from = reinterpret_cast<const std::byte*>(payload->data);
-    static_cast<Bytes*>(data)->assign(from, from + payload->length);
+  bool take(const rtps::SerializedPayload_t& payload, void* sample) override {
+    const auto* const from = reinterpret_cast<const std::byte*>(payload.data);
+    static_cast<Bytes*>(sample)->assign(from, from + payload.length);
     return true;
   }
-  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
-    return [data] {
-      return static_cast<std::uint32_t>(
-          static_cast<const std::span<const std::byte>*>(data)->size());
-    };
-  }
-  void* createData() override { return new Bytes; }
-  void deleteData(void* data) override { delete static_cast<Bytes*>(data); }
-  bool getKey(void* /*data*/, rtps::InstanceHandle_t* /*handle*/, bool /*is_md5*/) override {
-    return false;
-  }
+  [[nodiscard]] void* create() override { return new Bytes; }
+  void destroy(void* sample) override { delete static_cast<Bytes*>(sample); }
 };
 
 class Listener final : public fdds::DataReaderListener {
  public:
   void on_data_available(fdds::DataReader* reader) override {
     fdds::SampleInfo info;
-    while (reader->take_next_sample(&bytes_, &info) ==
-           eprosima::fastrtps::types::ReturnCode_t::RETCODE_OK) {
+    while (fast_dds::is_ok(reader->take_next_sample(&bytes_, &info))) {
       if (info.valid_data) {
         samples.push_back(Message::read(bytes_));
       }

@@ -14,22 +14,12 @@
 #include <utility>
 #include <vector>
 
-#include <fastdds/dds/domain/DomainParticipant.hpp>
-#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
-#include <fastdds/dds/domain/DomainParticipantListener.hpp>
-#include <fastdds/dds/publisher/DataWriter.hpp>
-#include <fastdds/dds/publisher/Publisher.hpp>
-#include <fastdds/dds/subscriber/DataReader.hpp>
-#include <fastdds/dds/subscriber/DataReaderListener.hpp>
-#include <fastdds/dds/subscriber/SampleInfo.hpp>
-#include <fastdds/dds/subscriber/Subscriber.hpp>
-#include <fastdds/dds/topic/TopicDataType.hpp>
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fmt/format.h>
 
 #include "base/clock.h"
 #include "dds_gateway/bell.h"
 #include "dds_gateway/engine.h"
+#include "dds_gateway/fast_dds.h"
 #include "dds_gateway/interface.h"
 #include "dds_gateway/waiting_messages.h"
 #include "dds_security/enclave.h"
@@ -37,8 +27,9 @@
 namespace fastcycle::dds_gateway {
 namespace {
 
-namespace fdds = eprosima::fastdds::dds;
-namespace rtps = eprosima::fastrtps::rtps;
+namespace fdds = fast_dds::fdds;
+namespace rtps = fast_dds::rtps;
+using fast_dds::is_ok;
 
 constexpr std::uint32_t kFirstBytes = 1024;  // Initial message buffer, which grows.
 constexpr std::uint32_t kReceiveBytes = 4U << 20U;
@@ -97,28 +88,28 @@ struct RawSample {
   const std::function<void(std::span<const std::byte>)>* at_once = nullptr;
 };
 
-/// A type with only a name: its messages are opaque serialized bytes.
-class RawType final : public fdds::TopicDataType {
+/// Messages are `RawSample`s.
+class RawType final : public fast_dds::SerializedType {
  public:
-  explicit RawType(const std::string& name) {
-    setName(name.c_str());
-    m_typeSize = kFirstBytes;
-    m_isGetKeyDefined = false;
-  }
+  explicit RawType(const std::string& name) : SerializedType(name, kFirstBytes) {}
 
-  bool serialize(void* data, rtps::SerializedPayload_t* payload) override {
-    const std::span<const std::byte> bytes = static_cast<RawSample*>(data)->sent;
-    if (bytes.size() > payload->max_size) {
+ private:
+  [[nodiscard]] std::uint32_t size_of(const void* sample) const override {
+    return static_cast<std::uint32_t>(static_cast<const RawSample*>(sample)->sent.size());
+  }
+  bool put(const void* sample, rtps::SerializedPayload_t& payload) override {
+    const std::span<const std::byte> bytes = static_cast<const RawSample*>(sample)->sent;
+    if (bytes.size() > payload.max_size) {
       return false;
     }
-    std::memcpy(payload->data, bytes.data(), bytes.size());
-    payload->length = static_cast<std::uint32_t>(bytes.size());
-    payload->encapsulation = CDR_LE;
+    std::memcpy(payload.data, bytes.data(), bytes.size());
+    payload.length = static_cast<std::uint32_t>(bytes.size());
+    payload.encapsulation = CDR_LE;
     return true;
   }
-  bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
-    auto& sample = *static_cast<RawSample*>(data);
-    const std::span bytes(reinterpret_cast<const std::byte*>(payload->data), payload->length);
+  bool take(const rtps::SerializedPayload_t& payload, void* to) override {
+    auto& sample = *static_cast<RawSample*>(to);
+    const std::span bytes(reinterpret_cast<const std::byte*>(payload.data), payload.length);
     if (sample.at_once != nullptr) {
       (*sample.at_once)(bytes);
       return true;
@@ -127,22 +118,15 @@ class RawType final : public fdds::TopicDataType {
     std::memcpy(sample.received.grow(bytes.size()), bytes.data(), bytes.size());
     return true;
   }
-  std::function<std::uint32_t()> getSerializedSizeProvider(void* data) override {
-    return
-        [data] { return static_cast<std::uint32_t>(static_cast<RawSample*>(data)->sent.size()); };
-  }
-  void* createData() override { return new RawSample; }
-  void deleteData(void* data) override { delete static_cast<RawSample*>(data); }
-  bool getKey(void* /*data*/, rtps::InstanceHandle_t* /*handle*/, bool /*is_md5*/) override {
-    return false;
-  }
+  [[nodiscard]] void* create() override { return new RawSample; }
+  void destroy(void* sample) override { delete static_cast<RawSample*>(sample); }
 };
 
 template <typename T>
 void put_qos(const Endpoint& endpoint, T& qos) {
   qos.reliability().kind =
       endpoint.qos.is_reliable ? fdds::RELIABLE_RELIABILITY_QOS : fdds::BEST_EFFORT_RELIABILITY_QOS;
-  qos.reliability().max_blocking_time = eprosima::fastrtps::Duration_t(0, kBlockingMax_ns);
+  qos.reliability().max_blocking_time = fast_dds::Duration(0, kBlockingMax_ns);
   qos.durability().kind = endpoint.qos.is_transient_local ? fdds::TRANSIENT_LOCAL_DURABILITY_QOS
                                                           : fdds::VOLATILE_DURABILITY_QOS;
   qos.history().kind = fdds::KEEP_LAST_HISTORY_QOS;
@@ -219,7 +203,7 @@ class FastWriter final : public Writer {
 
   void write(ros2::Buffer& message) override {
     RawSample sample{.sent = message.bytes()};
-    if (!writer_->write(&sample)) {
+    if (!is_ok(writer_->write(&sample))) {
       throw EngineError(fmt::format("Fast DDS: {}: the message was not taken", name_));
     }
   }
@@ -227,7 +211,7 @@ class FastWriter final : public Writer {
     rtps::WriteParams params;
     params.related_sample_identity().writer_guid(to_guid(replies));
     RawSample sample{.sent = message.bytes()};
-    if (!writer_->write(&sample, params)) {
+    if (!is_ok(writer_->write(&sample, params))) {
       throw EngineError(fmt::format("Fast DDS: {}: the request was not taken", name_));
     }
     return {
@@ -241,7 +225,7 @@ class FastWriter final : public Writer {
     params.related_sample_identity().sequence_number(rtps::SequenceNumber_t(
         static_cast<std::int32_t>(number >> 32U), static_cast<std::uint32_t>(number)));
     RawSample sample{.sent = message.bytes()};
-    if (!writer_->write(&sample, params)) {
+    if (!is_ok(writer_->write(&sample, params))) {
       throw EngineError(fmt::format("Fast DDS: {}: the reply was not taken", name_));
     }
   }
@@ -318,7 +302,7 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
     }
     fdds::SampleInfo info;
     RawSample sample;
-    while (reader->take_next_sample(&sample, &info) == ReturnCode_t::RETCODE_OK) {
+    while (is_ok(reader->take_next_sample(&sample, &info))) {
       if (is_for_us(*reader, info)) {
         waiting_.add(
             {.message = std::exchange(sample.received, ros2::Buffer()), .info = info_of(info)});
@@ -331,7 +315,7 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
   /// before or after it is taken.
   void give_all(fdds::DataReader& reader) {
     fdds::SampleInfo info;
-    while (reader.get_first_untaken_info(&info) == ReturnCode_t::RETCODE_OK) {
+    while (is_ok(reader.get_first_untaken_info(&info))) {
       const bool is_wanted = is_for_us(reader, info);
       const std::function<void(std::span<const std::byte>)> give =
           [&](std::span<const std::byte> bytes) {
@@ -342,7 +326,7 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
       RawSample sample;
       sample.at_once = &give;
       fdds::SampleInfo taken;
-      if (!(reader.take_next_sample(&sample, &taken) == ReturnCode_t::RETCODE_OK)) {
+      if (!is_ok(reader.take_next_sample(&sample, &taken))) {
         return;
       }
     }
@@ -376,7 +360,7 @@ class FastReader final : public Reader, private fdds::DataReaderListener {
 };
 
 /// Keeps discovery events until they are polled.
-class Discoveries final : public fdds::DomainParticipantListener {
+class Discoveries final : public fast_dds::DiscoveryListener {
  public:
   explicit Discoveries(std::shared_ptr<Bell> bell) : bell_(std::move(bell)) {}
 
@@ -385,57 +369,36 @@ class Discoveries final : public fdds::DomainParticipantListener {
     return std::exchange(all_, {});
   }
 
-  void on_participant_discovery(fdds::DomainParticipant* /*participant*/,
-                                rtps::ParticipantDiscoveryInfo&& info) override {
-    using Status = rtps::ParticipantDiscoveryInfo;
-    if (info.status == Status::CHANGED_QOS_PARTICIPANT) {
-      return;
-    }
-    Discovery discovery;
-    discovery.is_gone = info.status != Status::DISCOVERED_PARTICIPANT;
-    discovery.guid = guid_of(info.info.m_guid);
-    discovery.endpoint.user_data = text_of(info.info.m_userData);
-    add(std::move(discovery));
-  }
-  void on_subscriber_discovery(fdds::DomainParticipant* participant,
-                               rtps::ReaderDiscoveryInfo&& info) override {
-    if (info.status != rtps::ReaderDiscoveryInfo::CHANGED_QOS_READER) {
-      add_endpoint(*participant, info.info, true,
-                   info.status == rtps::ReaderDiscoveryInfo::REMOVED_READER);
-    }
-  }
-  void on_publisher_discovery(fdds::DomainParticipant* participant,
-                              rtps::WriterDiscoveryInfo&& info) override {
-    if (info.status != rtps::WriterDiscoveryInfo::CHANGED_QOS_WRITER) {
-      add_endpoint(*participant, info.info, false,
-                   info.status == rtps::WriterDiscoveryInfo::REMOVED_WRITER);
-    }
-  }
-
  private:
   static constexpr std::size_t kMax = 100'000;  // Of unpolled events.
 
-  template <typename T>
-  void add_endpoint(const fdds::DomainParticipant& participant, const T& seen, bool is_reader,
-                    bool is_gone) {
-    if (seen.guid().guidPrefix == participant.guid().guidPrefix) {
+  void on_participant(const rtps::GUID_t& guid, const fdds::UserDataQosPolicy& user_data,
+                      bool is_gone) override {
+    Discovery discovery;
+    discovery.is_gone = is_gone;
+    discovery.guid = guid_of(guid);
+    discovery.endpoint.user_data = text_of(user_data);
+    add(std::move(discovery));
+  }
+  void on_endpoint(const fdds::DomainParticipant& participant, fast_dds::SeenEndpoint seen,
+                   bool is_gone) override {
+    if (seen.guid.guidPrefix == participant.guid().guidPrefix) {
       return;
     }
     Discovery discovery;
     discovery.kind = Discovery::Kind::kEndpoint;
     discovery.is_gone = is_gone;
-    discovery.guid = guid_of(seen.guid());
-    rtps::GUID_t owner = seen.guid();
+    discovery.guid = guid_of(seen.guid);
+    rtps::GUID_t owner = seen.guid;
     owner.entityId = rtps::c_EntityId_RTPSParticipant;
     discovery.participant = guid_of(owner);
-    discovery.endpoint = {
-        .topic = seen.topicName().to_string(),
-        .type = seen.typeName().to_string(),
-        .user_data = text_of(seen.m_qos.m_userData),
-        .qos = {.is_reliable = seen.m_qos.m_reliability.kind == fdds::RELIABLE_RELIABILITY_QOS,
-                .is_transient_local = seen.m_qos.m_durability.kind != fdds::VOLATILE_DURABILITY_QOS,
-                .depth = 0},
-        .is_reader = is_reader};
+    discovery.endpoint = {.topic = std::move(seen.topic),
+                          .type = std::move(seen.type),
+                          .user_data = text_of(seen.user_data),
+                          .qos = {.is_reliable = seen.is_reliable,
+                                  .is_transient_local = seen.is_transient_local,
+                                  .depth = 0},
+                          .is_reader = seen.is_reader};
     add(std::move(discovery));
   }
   void add(Discovery discovery) {
