@@ -17,6 +17,7 @@
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #if __has_include(<fastdds/LibrarySettings.hpp>)
 #define FASTCYCLE_FAST_DDS 3
+#include <fastdds/rtps/common/WriteParams.hpp>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.hpp>
 #include <fastdds/utils/IPLocator.hpp>
 #else

@@ -288,10 +288,9 @@ struct PyContext {
       options.overflow = *overflow == "drop_oldest" ? Overflow::kDropOldest : Overflow::kDropNewest;
     }
     const auto holder = std::make_shared<detail::Holder>(detail::kNobody);
-    const detail::Subscription& made =
+    *holder = detail::holder_of(
         detail::create_subscription(core(), topic, owner->type_named(type), options,
-                                    owner->call_back_with_message(callback, holder));
-    *holder = detail::holder_of(made);
+                                    owner->call_back_with_message(callback, holder)));
   }
 
   Latest latest(const std::string& topic, const std::string& type) const {

@@ -181,7 +181,12 @@ void start_interpreter() {
 }
 
 bool is_interpreter_there() noexcept {
-  return Py_IsInitialized() != 0 && _Py_IsFinalizing() == 0;
+#if PY_VERSION_HEX < 0x030D0000  // In 3.13 it became public.
+  const bool is_finalizing = _Py_IsFinalizing() != 0;
+#else
+  const bool is_finalizing = Py_IsFinalizing() != 0;
+#endif
+  return Py_IsInitialized() != 0 && !is_finalizing;
 }
 
 Gil::Gil() {

@@ -39,8 +39,8 @@ const pb::Descriptor& descriptor_of(const std::string& type) {
   return *found;
 }
 
-const pb::Message& instance_of(const std::string& type) {
-  return *pb::MessageFactory::generated_factory()->GetPrototype(&descriptor_of(type));
+const pb::Message* instance_of(const std::string& type) {
+  return pb::MessageFactory::generated_factory()->GetPrototype(&descriptor_of(type));
 }
 
 void add_file(const pb::FileDescriptor& file, std::set<const pb::FileDescriptor*>& added,
@@ -69,7 +69,7 @@ class Input final : public Component {
  public:
   explicit Input(Context& context)
       : Component(context),
-        type_(instance_of(context.param<std::string>("type").get())),
+        type_(*instance_of(context.param<std::string>("type").get())),
         publisher_(detail::create_publisher(
             context.core(), context.param<std::string>("topic").get(), type_, nullptr, false)) {}
 
@@ -92,7 +92,7 @@ class Output final : public Component {
   explicit Output(Context& context) : Component(context) {
     detail::create_subscription(
         context.core(), context.param<std::string>("topic").get(),
-        instance_of(context.param<std::string>("type").get()), {.depth = kDepth},
+        *instance_of(context.param<std::string>("type").get()), {.depth = kDepth},
         [this](detail::Envelope& envelope, const pb::Message& payload) {
           const MessageInfo& info = envelope.info;
           received.push_back({.message = payload.SerializeAsString(),
@@ -110,10 +110,10 @@ class Asker final : public Component {
  public:
   explicit Asker(Context& context)
       : Component(context),
-        request_(instance_of(context.param<std::string>("request").get())),
+        request_(*instance_of(context.param<std::string>("request").get())),
         client_(detail::create_client(
             context.core(), context.param<std::string>("service").get(), request_,
-            instance_of(context.param<std::string>("reply").get()), nullptr, kMostOpen)) {}
+            *instance_of(context.param<std::string>("reply").get()), nullptr, kMostOpen)) {}
 
   [[nodiscard]] const pb::Message& type() const { return request_; }
 
@@ -149,10 +149,10 @@ class Asker final : public Component {
 class Server final : public Component {
  public:
   explicit Server(Context& context)
-      : Component(context), reply_(instance_of(context.param<std::string>("reply").get())) {
+      : Component(context), reply_(*instance_of(context.param<std::string>("reply").get())) {
     detail::create_server(
         context.core(), context.param<std::string>("service").get(),
-        {.request = instance_of(context.param<std::string>("request").get()),
+        {.request = *instance_of(context.param<std::string>("request").get()),
          .reply = reply_,
          .depth = kMostOwed,
          .defers = true,

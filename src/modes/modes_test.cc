@@ -155,8 +155,10 @@ class Driver final : public Component {
   explicit Driver(Context& context)
       : Component(context),
         numbers_(context.create_publisher<Int64Value>("numbers")),
-        switch_at_(context.param<std::vector<std::int64_t>>("switch_at", {.fallback = {{}}})),
-        modes_(context.param<std::vector<std::string>>("modes", {.fallback = {{}}})) {}
+        switch_at_(context.param<std::vector<std::int64_t>>(
+            "switch_at", {.fallback = std::vector<std::int64_t>()})),
+        modes_(context.param<std::vector<std::string>>("modes",
+                                                       {.fallback = std::vector<std::string>()})) {}
 
   void serve() override {
     auto loan = numbers_.loan();

@@ -879,7 +879,8 @@ TEST_F(Launcher, LogThatWasDeletedFailsTheRun) {
 
   EXPECT_EQ(take(program), 1) << errors_;
   EXPECT_THAT(output_, HasSubstr("incomplete: "));
-  for (const auto& [name, topic] : report()["recording"]["topics"].items()) {
+  const auto whole = report();
+  for (const auto& [name, topic] : whole.at("recording").at("topics").items()) {
     std::uint64_t lost = 0;
     for (const auto& [reason, count] : topic["lost"].items()) {
       lost += count.get<std::uint64_t>();

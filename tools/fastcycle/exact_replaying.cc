@@ -44,7 +44,7 @@ void silence(config::ApplicationDescription& description) {
 }  // namespace
 
 void ExactReplaying::add_to(CLI::App& line) {
-  line.add_option("log", files,
+  line.add_option("logs", files,
                   "The files of one log, then the application's JSON file (that in the log)")
       ->required()
       ->type_name("FILE.mcap [APP.json]");
