@@ -142,7 +142,7 @@ def test_keeps_a_message_as_long_as_something_of_it_is_there(bench: Bench, add: 
         def stop(self):
             self.report("values", str([kept.value for kept in self.kept[0::3]]))
             self.report("images", str([bytes(kept)[:1] for kept in self.kept[1::3]]))
-            self.report("ranges", str([kept[-1] for kept in self.kept[2::3]]))
+            self.report("ranges", str([float(kept[-1]) for kept in self.kept[2::3]]))
 """
     )
     readings = bench.input("in", "live.Reading")

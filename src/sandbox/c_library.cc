@@ -45,15 +45,23 @@ int set_mask(int how, const sigset_t* signals, sigset_t* before) noexcept {
   return failure;
 }
 
-/// Whether a call that would start a program is refused here; then it is counted. Deeper in the C
-/// library all signals are blocked while it creates the process.
-bool refuses_programs() noexcept {
+/// Whether `call`, which would create a process, is refused here; then it is counted. Deeper in the
+/// C library all signals are blocked while it creates the process.
+bool refuses(Rule rule, int call) noexcept {
   if (!is_refusal_handler_installed()) {
     return false;
   }
-  note_refusal(Rule::kSpawn, SYS_execve);
+  note_refusal(rule, call);
   errno = EPERM;
   return true;
+}
+
+bool refuses_programs() noexcept {
+  return refuses(Rule::kSpawn, SYS_execve);
+}
+
+bool refuses_processes() noexcept {
+  return refuses(Rule::kFork, SYS_clone);
 }
 
 /// Whether a call for `thread` concerns the calling thread, and must be made as such.
@@ -71,6 +79,22 @@ Function* next(const char* name) noexcept {
 }  // namespace fastcycle::sandbox
 
 extern "C" {
+
+/// `fork` of the C library under its other name: needs no search by `dlsym` in a process that may
+/// hold locks.
+pid_t __fork(void);
+
+__attribute__((visibility("default"))) pid_t fork() noexcept {
+  return fastcycle::sandbox::refuses_processes() ? -1 : __fork();
+}
+
+__attribute__((visibility("default"))) pid_t _Fork() noexcept {
+  if (fastcycle::sandbox::refuses_processes()) {
+    return -1;
+  }
+  static const auto next = fastcycle::sandbox::next<decltype(_Fork)>("_Fork");
+  return next();
+}
 
 __attribute__((visibility("default"))) int pthread_sigmask(int how, const sigset_t* signals,
                                                            sigset_t* before) noexcept {

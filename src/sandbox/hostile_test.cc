@@ -111,6 +111,8 @@ constexpr std::array kActions{
              return is_refused(syscall(SYS_execveat, 0, "", nullptr, nullptr, 0x1000));
            }},
     Action{"fork", "clone of a process", [](const Target&) { return is_no_process(fork()); }},
+    Action{"fork without handlers", "clone of a process",
+           [](const Target&) { return is_no_process(_Fork()); }},
     Action{"clone a process by hand", "clone of a process",
            [](const Target&) { return is_no_process(syscall(SYS_clone, SIGCHLD, 0, 0, 0, 0)); }},
     Action{"clone a process in memory", "",
