@@ -308,6 +308,14 @@ TEST_F(Verify, WhatIsWrongIsSaid) {
   EXPECT_THAT(errors_, HasSubstr("expects a log"));
   EXPECT_EQ(fastcycle({"verify", "live.mcap", "--workers", "0"}), 2);
   EXPECT_THAT(errors_, HasSubstr("--workers expects a number from 1 to 64"));
+}
+
+TEST_F(Verify, DebugNamesTheActivationsThatThereAre) {
+  if (std::system("gdb --version > /dev/null 2>&1") != 0) {  // NOLINT
+    GTEST_SKIP() << "gdb is not installed";
+  }
+  record_parts();
+
   EXPECT_EQ(fastcycle({"debug", "live.mcap", "--component", "adder", "--activation", "100000"}), 2);
   EXPECT_THAT(errors_, HasSubstr("has the activations 1 to"));
 }
