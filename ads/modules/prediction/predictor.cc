@@ -23,11 +23,6 @@ constexpr double kSpeedingUp_mps2 = 1.5;
 constexpr double kSpeedingUpTo_mps = 13.9;
 constexpr double kSpeedingUpDecay_s = 2.0;
 constexpr double kBraking_mps2 = 8.0;
-// One that brakes harder than this may go on braking: with this probability, dying away with this
-// time.
-constexpr double kBrakesOn_mps2 = 3.0;
-constexpr double kBrakesOnProbability = 0.3;
-constexpr double kBrakesOnDecay_s = 2.0;
 constexpr double kGapMin_m = 1.0;
 // A motion to the side that is no change of lane dies away.
 constexpr double kAcrossDecay_s = 0.7;
@@ -42,6 +37,9 @@ constexpr double kChangeProbabilityMin = 0.02;
 constexpr double kChangeProbabilityMax = 0.9;
 constexpr double kChangeSpeed_mps = 0.9;
 constexpr double kYawRateMax_radps = 0.6;
+// In a constant turn, who brakes harder than this goes on braking, dying away with this time.
+constexpr double kBrakesOn_mps2 = 3.0;
+constexpr double kBrakesOnDecay_s = 2.0;
 constexpr double kLeaderAhead_m = 100.0;
 
 double square(double value) {
@@ -129,8 +127,8 @@ void Predictor::find_leaders(std::vector<Track>& tracks) const {
 
 void Predictor::drive(std::vector<Track>& tracks) const {
   for (Track& track : tracks) {
-    track.progress.way_m.assign(1, 0.0);
-    track.progress.speed_mps.assign(1, std::max(0.0, track.source->object().speed_mps()));
+    track.way_m.assign(1, 0.0);
+    track.speed_mps.assign(1, std::max(0.0, track.source->object().speed_mps()));
   }
   std::vector<double> accelerations(tracks.size());
   for (std::size_t step = 0; step < steps(); ++step) {
@@ -139,35 +137,18 @@ void Predictor::drive(std::vector<Track>& tracks) const {
     }
     for (std::size_t index = 0; index < tracks.size(); ++index) {
       Track& track = tracks[index];
-      const double before_mps = track.progress.speed_mps.back();
+      const double before_mps = track.speed_mps.back();
       const double after_mps = std::max(0.0, before_mps + accelerations[index] * options_.step_s);
-      track.progress.way_m.push_back(track.progress.way_m.back() +
-                                     (before_mps + after_mps) / 2.0 * options_.step_s);
-      track.progress.speed_mps.push_back(after_mps);
+      track.way_m.push_back(track.way_m.back() + (before_mps + after_mps) / 2.0 * options_.step_s);
+      track.speed_mps.push_back(after_mps);
     }
   }
-}
-
-Predictor::Progress Predictor::braking(const Track& track) const {
-  const double seen_mps2 = std::max(track.source->object().acceleration_mps2(), -kBraking_mps2);
-  Progress braked = {.way_m = {0.0}, .speed_mps = {track.progress.speed_mps.front()}};
-  for (std::size_t step = 0; step < steps(); ++step) {
-    const double time_s = static_cast<double>(step) * options_.step_s;
-    const double before_mps = braked.speed_mps.back();
-    const double change_mps = seen_mps2 * std::exp(-time_s / kBrakesOnDecay_s) * options_.step_s;
-    // Nor is it faster than behind its leader.
-    const double after_mps =
-        std::min(std::max(0.0, before_mps + change_mps), track.progress.speed_mps[step + 1]);
-    braked.way_m.push_back(braked.way_m.back() + (before_mps + after_mps) / 2.0 * options_.step_s);
-    braked.speed_mps.push_back(after_mps);
-  }
-  return braked;
 }
 
 double Predictor::acceleration(const Track& track, const std::vector<Track>& tracks,
                                std::size_t step) const {
   const double time_s = static_cast<double>(step) * options_.step_s;
-  const double speed_mps = track.progress.speed_mps[step];
+  const double speed_mps = track.speed_mps[step];
   double free_mps2 = std::clamp(track.source->object().acceleration_mps2(), -kAccelerationMax_mps2,
                                 kAccelerationMax_mps2) *
                      std::exp(-time_s / kAccelerationDecay_s);
@@ -176,19 +157,19 @@ double Predictor::acceleration(const Track& track, const std::vector<Track>& tra
   free_mps2 = std::max(free_mps2, speeding_up_mps2 *
                                       std::max(0.0, 1.0 - square(speed_mps / kSpeedingUpTo_mps)) *
                                       std::exp(-time_s / kSpeedingUpDecay_s));
-  if (track.progress.speed_mps.front() < kStanding_mps) {
+  if (track.speed_mps.front() < kStanding_mps) {
     free_mps2 = speed_mps < kStart_mps ? kStart_mps2 : 0.0;
   }
   if (!track.leader) {
     return free_mps2;
   }
   const Track& leader = tracks[*track.leader];
-  const double closing_mps = speed_mps - leader.progress.speed_mps[step];
+  const double closing_mps = speed_mps - leader.speed_mps[step];
   if (closing_mps <= 0.0) {
     return free_mps2;
   }
   // As gently as is enough to keep the distance, if the leader goes on as it drives then.
-  const double gap_m = track.gap_m + leader.progress.way_m[step] - track.progress.way_m[step];
+  const double gap_m = track.gap_m + leader.way_m[step] - track.way_m[step];
   const double left_m = std::max(kGapMin_m, gap_m - options_.distance_min_m);
   return std::max(-kBraking_mps2, std::min(free_mps2, -square(closing_mps) / (2.0 * left_m)));
 }
@@ -221,20 +202,14 @@ void Predictor::add_hypotheses(const Track& track, prediction::PredictedObject& 
     turn(object, turning);
     left = add_changes(track, slant_rad, left, predicted);
   }
-  const Across across = {.begin_m = track.source->offset_m(),
-                         .speed_mps = object.speed_mps() * std::sin(slant_rad)};
-  if (!stands && object.acceleration_mps2() < -kBrakesOn_mps2) {
-    auto& braked = *predicted.add_hypotheses();
-    braked.set_kind(prediction::LANE_FOLLOWING);
-    braked.set_probability(left * kBrakesOnProbability);
-    left -= braked.probability();
-    follow(track, braking(track), path, track.along_m, across, braked);
-  }
   for (const LanePath& way : track.paths) {
     auto& following = *predicted.add_hypotheses();
     following.set_kind(prediction::LANE_FOLLOWING);
     following.set_probability(left / static_cast<double>(track.paths.size()));
-    follow(track, track.progress, way, track.along_m, across, following);
+    follow(track, way, track.along_m,
+           {.begin_m = track.source->offset_m(),
+            .speed_mps = object.speed_mps() * std::sin(slant_rad)},
+           following);
   }
   sort_by_probability(predicted);
 }
@@ -252,13 +227,13 @@ double Predictor::add_changes(const Track& track, double slant_rad, double proba
   if (other == 0 || share < kChangeProbabilityMin) {
     return probability;
   }
-  const auto paths = lanes_.from(other, track.progress.way_m.back() + kLeaderAhead_m);
+  const auto paths = lanes_.from(other, track.way_m.back() + kLeaderAhead_m);
   const Polyline::Projection place = paths.front().line.project({object.x_m(), object.y_m()});
   auto& change = *predicted.add_hypotheses();
   change.set_kind(is_left ? prediction::LANE_CHANGE_LEFT : prediction::LANE_CHANGE_RIGHT);
   change.set_probability(probability * share);
   const double speed_mps = std::max(kChangeSpeed_mps, std::abs(across_mps));
-  follow(track, track.progress, paths.front(), place.along_m,
+  follow(track, paths.front(), place.along_m,
          {.begin_m = place.offset_m,
           .target_m = 0.0,
           .duration_s = std::clamp(std::abs(place.offset_m) / speed_mps, 1.5, 6.0)},
@@ -266,14 +241,13 @@ double Predictor::add_changes(const Track& track, double slant_rad, double proba
   return probability * (1.0 - share);
 }
 
-void Predictor::follow(const Track& track, const Progress& progress, const LanePath& path,
-                       double along_m, const Across& across,
-                       prediction::Hypothesis& hypothesis) const {
+void Predictor::follow(const Track& track, const LanePath& path, double along_m,
+                       const Across& across, prediction::Hypothesis& hypothesis) const {
   const perception::Object& object = track.source->object();
   for (std::size_t step = 0; step <= steps(); ++step) {
     const double time_s = static_cast<double>(step) * options_.step_s;
-    const double at_m = along_m + progress.way_m[step];
-    const double speed_mps = progress.speed_mps[step];
+    const double at_m = along_m + track.way_m[step];
+    const double speed_mps = track.speed_mps[step];
     double offset_m = 0.0;
     double across_mps = 0.0;
     if (across.target_m) {
@@ -294,7 +268,7 @@ void Predictor::follow(const Track& track, const Progress& progress, const LaneP
           normalize_angle(path.line.heading_at(at_m) - path.line.heading_at(along_m));
       const double share = std::exp(-time_s / kStraight_s - square(bend_rad / kStraight_rad));
       const Eigen::Vector2d straight = Eigen::Vector2d(object.x_m(), object.y_m()) +
-                                       progress.way_m[step] * direction(object.heading_rad());
+                                       track.way_m[step] * direction(object.heading_rad());
       position = share * straight + (1.0 - share) * position;
     }
     prediction::Point& point = *hypothesis.add_points();
@@ -312,6 +286,10 @@ void Predictor::turn(const perception::Object& object, prediction::Hypothesis& h
   hypothesis.set_kind(prediction::CONSTANT_TURN);
   const double rate_radps =
       std::clamp(object.yaw_rate_radps(), -kYawRateMax_radps, kYawRateMax_radps);
+  const double braking_mps2 = object.acceleration_mps2() < -kBrakesOn_mps2
+                                  ? std::max(object.acceleration_mps2(), -kBraking_mps2)
+                                  : 0.0;
+  double speed_mps = object.speed_mps();
   Eigen::Vector2d position(object.x_m(), object.y_m());
   for (std::size_t step = 0; step <= steps(); ++step) {
     const double time_s = static_cast<double>(step) * options_.step_s;
@@ -321,10 +299,15 @@ void Predictor::turn(const perception::Object& object, prediction::Hypothesis& h
     point.set_x_m(position.x());
     point.set_y_m(position.y());
     point.set_heading_rad(normalize_angle(heading_rad));
-    point.set_speed_mps(object.speed_mps());
+    point.set_speed_mps(speed_mps);
     fill_stddevs(object, time_s, false, point);
+    const double before_mps = speed_mps;
+    if (braking_mps2 < 0.0) {
+      speed_mps = std::max(
+          0.0, before_mps + braking_mps2 * std::exp(-time_s / kBrakesOnDecay_s) * options_.step_s);
+    }
     // Half a step on is the mean direction of the step.
-    position += object.speed_mps() * options_.step_s *
+    position += (before_mps + speed_mps) / 2.0 * options_.step_s *
                 direction(heading_rad + rate_radps * options_.step_s / 2.0);
   }
 }

@@ -35,19 +35,15 @@ class Predictor {
   void predict(const scene::Scene& scene, prediction::Predictions& predictions) const;
 
  private:
-  // The progress of an object along its path, at each step.
-  struct Progress {
-    std::vector<double> way_m = {};  // From the start.
-    std::vector<double> speed_mps = {};
-  };
   // The motion of an object: its path, if it is on a lane, and its progress along it.
   struct Track {
     const scene::SceneObject* source = nullptr;
     std::vector<LanePath> paths = {};  // The first one is the most likely.
     double along_m = 0.0;              // At the start.
     std::optional<std::size_t> leader = {};
-    double gap_m = 0.0;  // To the leader, bumper to bumper, at the start.
-    Progress progress = {};
+    double gap_m = 0.0;              // To the leader, bumper to bumper, at the start.
+    std::vector<double> way_m = {};  // From the start, at each step.
+    std::vector<double> speed_mps = {};
   };
   struct Across {
     double begin_m = 0.0;
@@ -60,16 +56,14 @@ class Predictor {
   [[nodiscard]] Track begin(const scene::SceneObject& object) const;
   void find_leaders(std::vector<Track>& tracks) const;
   void drive(std::vector<Track>& tracks) const;
-  // If it goes on braking as hard as it does now.
-  [[nodiscard]] Progress braking(const Track& track) const;
   [[nodiscard]] double acceleration(const Track& track, const std::vector<Track>& tracks,
                                     std::size_t step) const;
   void add_hypotheses(const Track& track, prediction::PredictedObject& predicted) const;
   // Returns the remaining probability.
   double add_changes(const Track& track, double slant_rad, double probability,
                      prediction::PredictedObject& predicted) const;
-  void follow(const Track& track, const Progress& progress, const LanePath& path, double along_m,
-              const Across& across, prediction::Hypothesis& hypothesis) const;
+  void follow(const Track& track, const LanePath& path, double along_m, const Across& across,
+              prediction::Hypothesis& hypothesis) const;
   void turn(const perception::Object& object, prediction::Hypothesis& hypothesis) const;
   void stand(const perception::Object& object, prediction::Hypothesis& hypothesis) const;
   void fill_stddevs(const perception::Object& object, double time_s, bool is_on_lane,
