@@ -335,7 +335,9 @@ void add_clone(Program& program) {
   program.argument(0);
   program.if_any_bit(kNamespaces, refuse(Rule::kNamespace));
   program.if_any_bit(CLONE_THREAD, kAllow);  // The kernel requires the related flags.
-  program.if_any_bit(CLONE_VFORK, fail(EPERM));
+  // By `posix_spawn` and `fork` of the C library, which may hold SIGSYS back meanwhile: a signal
+  // would end the process. Our replacements of both report it.
+  program.if_any_bit(CLONE_VFORK | CLONE_CHILD_SETTID, fail(EPERM));
   program.end(refuse(Rule::kFork));
   // Its flags are in memory, which the filter cannot read. The C library falls back to `clone`.
   program.begin(435 /* clone3 */);

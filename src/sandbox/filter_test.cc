@@ -120,6 +120,8 @@ TEST(Filter, AThreadIsMadeAndAProcessIsNot) {
   EXPECT_TRUE(is_trapped(SYS_clone, {CLONE_NEWUSER | SIGCHLD}));
   EXPECT_EQ(decide(SYS_clone, {CLONE_VM | CLONE_VFORK | SIGCHLD}),
             static_cast<std::uint32_t>(SECCOMP_RET_ERRNO | EPERM));
+  EXPECT_EQ(decide(SYS_clone, {CLONE_CHILD_SETTID | CLONE_CHILD_CLEARTID | SIGCHLD}),
+            static_cast<std::uint32_t>(SECCOMP_RET_ERRNO | EPERM));
   EXPECT_EQ(decide(435), static_cast<std::uint32_t>(SECCOMP_RET_ERRNO | ENOSYS));
 }
 

@@ -362,6 +362,18 @@ TEST_F(Sandbox, ARefusalLeavesOtherRegistersAndErrnoOfOtherCallsAlone) {
   });
 }
 
+/// The C library calls its own `fork`, which holds SIGSYS back, not ours.
+TEST_F(Sandbox, AProcessOfTheCLibraryItselfIsRefusedAndGoesOn) {
+  const Ended ended = sandboxed([] {
+    const int result = daemon(1, 1);
+    const int error = errno;
+    return unless(result == -1 && error == EPERM, "daemon");
+  });
+
+  EXPECT_EQ(ended.said, "");
+  EXPECT_EQ(ended.status, 0);
+}
+
 TEST_F(Sandbox, AThreadThatHoldsAllSignalsBackIsRefusedAndGoesOn) {
   const Ended ended = sandboxed([] {
     int result = 0;
