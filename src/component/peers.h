@@ -75,6 +75,13 @@ class Peers {
   [[nodiscard]] virtual bool is_wanted(const std::string& topic) const = 0;
   /// The name of this process.
   [[nodiscard]] virtual const std::string& name() const = 0;
+  /// Another process of the application, or a standby.
+  struct Process {
+    std::string name;
+    std::int64_t pid = 0;
+  };
+  /// The other processes that live now, as far as that is known here. Safe.
+  [[nodiscard]] virtual std::vector<Process> others() const = 0;
   /// Whether this process has the tools: status, log, recorder, inspection.
   [[nodiscard]] virtual bool is_main() const = 0;
   /// The services of the whole application.

@@ -16,6 +16,8 @@
 #include "component/time_driver.h"
 #include "component/wiring.h"
 #include "component/words.h"
+#include "host/callbacks.h"
+#include "host/unmatched.h"
 
 namespace fastcycle::host {
 
@@ -49,6 +51,14 @@ base::HistogramSummary summary_from(const json& said) {
           .max = said.at(6)};
 }
 
+json to_json(const base::HistogramBuckets& buckets) {
+  return {buckets.below, buckets.count, buckets.sum_ns};
+}
+
+base::HistogramBuckets buckets_from(const json& said) {
+  return {.below = said.at(0), .count = said.at(1), .sum_ns = said.at(2)};
+}
+
 json to_json(const FiguresElsewhere::Subscription& subscription) {
   const detail::Ledger& ledger = subscription.ledger;
   return {{"topic", subscription.topic},
@@ -59,19 +69,24 @@ json to_json(const FiguresElsewhere::Subscription& subscription) {
           {"delivered", ledger.delivered},
           {"dropped", ledger.dropped},
           {"queued", ledger.queued},
-          {"latency", to_json(subscription.latency)}};
+          {"latency", to_json(subscription.latency)},
+          {"latency_buckets", to_json(subscription.latency_buckets)},
+          {"unmatched", subscription.unmatched}};
 }
 
 FiguresElsewhere::Subscription subscription_from(const json& said) {
-  FiguresElsewhere::Subscription subscription{.topic = said.at("topic"),
-                                              .kind = said.at("kind"),
-                                              .depth = said.at("depth"),
-                                              .drops_oldest = said.at("drops_oldest"),
-                                              .ledger = {.published = said.at("published"),
-                                                         .delivered = said.at("delivered"),
-                                                         .dropped = {},
-                                                         .queued = said.at("queued")},
-                                              .latency = summary_from(said.at("latency"))};
+  FiguresElsewhere::Subscription subscription{
+      .topic = said.at("topic"),
+      .kind = said.at("kind"),
+      .depth = said.at("depth"),
+      .drops_oldest = said.at("drops_oldest"),
+      .ledger = {.published = said.at("published"),
+                 .delivered = said.at("delivered"),
+                 .dropped = {},
+                 .queued = said.at("queued")},
+      .latency = summary_from(said.at("latency")),
+      .latency_buckets = buckets_from(said.at("latency_buckets")),
+      .unmatched = said.at("unmatched")};
   const json& dropped = said.at("dropped");
   for (std::size_t i = 0; i < subscription.ledger.dropped.size(); ++i) {
     subscription.ledger.dropped[i] = dropped.at(i);
@@ -137,8 +152,15 @@ std::string to_text(const ComponentNews& news, bool has_figures) {
     said["chains"].push_back({chain.chain, chain.count, chain.breaches, chain.dropped});
   }
   if (has_figures) {
+    said["executor"] = news.elsewhere->executor;
     said["callback"] = to_json(news.elsewhere->callback);
     said["lateness"] = to_json(news.elsewhere->lateness);
+    said["callback_buckets"] = to_json(news.elsewhere->callback_buckets);
+    said["lateness_buckets"] = to_json(news.elsewhere->lateness_buckets);
+    said["callbacks"] = json::array();
+    for (const FiguresElsewhere::Callback& callback : news.elsewhere->callbacks) {
+      said["callbacks"].push_back({callback.name, callback.kind, to_json(callback.run_time)});
+    }
     said["subscriptions"] = json::array();
     for (const auto& subscription : news.elsewhere->subscriptions) {
       said["subscriptions"].push_back(to_json(subscription));
@@ -183,8 +205,16 @@ std::optional<ComponentNews> news_from(const std::string& text, const ComponentN
     elsewhere.overruns = said.at("overruns");
     elsewhere.hang = said.at("hang");
     if (said.contains("callback")) {
+      elsewhere.executor = said.at("executor");
       elsewhere.callback = summary_from(said.at("callback"));
       elsewhere.lateness = summary_from(said.at("lateness"));
+      elsewhere.callback_buckets = buckets_from(said.at("callback_buckets"));
+      elsewhere.lateness_buckets = buckets_from(said.at("lateness_buckets"));
+      elsewhere.callbacks.clear();
+      for (const json& one : said.at("callbacks")) {
+        elsewhere.callbacks.push_back(
+            {.name = one.at(0), .kind = one.at(1), .run_time = summary_from(one.at(2))});
+      }
       elsewhere.subscriptions.clear();
       for (const json& one : said.at("subscriptions")) {
         elsewhere.subscriptions.push_back(subscription_from(one));
@@ -315,7 +345,9 @@ void PeerNews::send(Its& its) {
 void PeerNews::take_figures() {
   std::map<std::string, std::vector<FiguresElsewhere::Subscription>> found;
   std::map<std::string, std::string> judges;  // By topic: the first of those that judge chains.
+  std::map<std::string, std::vector<KnownCallback>> callbacks;
   wiring_.look([&](const detail::Topics& topics) {
+    callbacks = find_callbacks(topics, application_.components());
     for (const auto& [name, topic] : topics.all()) {
       for (const auto& one : topic->subscriptions) {
         if (one->chain_end != nullptr) {
@@ -326,7 +358,11 @@ void PeerNews::take_figures() {
                                          .depth = one->depth,
                                          .drops_oldest = one->overflow == Overflow::kDropOldest,
                                          .ledger = one->ledger(),
-                                         .latency = one->latency.summary()});
+                                         .latency = one->latency.summary(),
+                                         .latency_buckets = one->latency.buckets()});
+        for (UnmatchedReport& unmatched : find_unmatched(*one)) {
+          found[one->component].back().unmatched.push_back(std::move(unmatched.text));
+        }
       }
     }
   });
@@ -346,8 +382,17 @@ void PeerNews::take_figures() {
       its.news.elsewhere.emplace();
     }
     its.news.elsewhere->chains = std::move(chains[core.name]);
+    its.news.elsewhere->executor =
+        core.description.executor.empty() ? kPoolName : core.description.executor;
     its.news.elsewhere->callback = core.statistics.callback.summary();
     its.news.elsewhere->lateness = core.statistics.lateness.summary();
+    its.news.elsewhere->callback_buckets = core.statistics.callback.buckets();
+    its.news.elsewhere->lateness_buckets = core.statistics.lateness.buckets();
+    its.news.elsewhere->callbacks.clear();
+    for (const KnownCallback& callback : callbacks[core.name]) {
+      its.news.elsewhere->callbacks.push_back(
+          {.name = callback.name, .kind = callback.kind, .run_time = callback.run_time->summary()});
+    }
     its.news.elsewhere->subscriptions = std::move(found[core.name]);
     its.is_new = true;
     its.has_figures = true;

@@ -33,6 +33,15 @@ struct FiguresElsewhere {
     bool drops_oldest = true;
     detail::Ledger ledger;
     base::HistogramSummary latency;  ///< Nanoseconds.
+    base::HistogramBuckets latency_buckets;
+    std::vector<std::string> unmatched = {};  ///< As sentences.
+  };
+
+  /// A callback, with its run time.
+  struct Callback {
+    std::string name;
+    std::string kind;
+    base::HistogramSummary run_time;  ///< Nanoseconds.
   };
 
   detail::ComponentState state{};
@@ -40,8 +49,12 @@ struct FiguresElsewhere {
   std::uint64_t overruns = 0;
   std::string hang = {};
   // Sent once in a period; the rest with each news.
+  std::string executor = {};             ///< That of its process.
   base::HistogramSummary callback = {};  ///< Nanoseconds, as the next one.
   base::HistogramSummary lateness = {};
+  base::HistogramBuckets callback_buckets = {};
+  base::HistogramBuckets lateness_buckets = {};
+  std::vector<Callback> callbacks = {};
   std::vector<Subscription> subscriptions = {};
   std::vector<ChainReport> chains = {};  ///< Those that end at it, without their settings.
 };

@@ -3,18 +3,22 @@
 #include <algorithm>
 #include <map>
 #include <thread>
+#include <vector>
+
+#include <unistd.h>
 
 #include "base/clock.h"
 #include "base/utf8.h"
 #include "calls/server_core.h"
 #include "component/component_core.h"
+#include "component/peers.h"
 #include "component/service_topics.h"
 #include "component/words.h"
+#include "host/callbacks.h"
+#include "host/unmatched.h"
 #include "inspect/process_usage.h"
 #include "inspect/voice.h"
 #include "record/descriptor_set.h"
-#include "report/callbacks.h"
-#include "report/unmatched.h"
 
 namespace fastcycle::inspect {
 namespace {
@@ -29,21 +33,37 @@ void fill(const base::HistogramSummary& summary, protocol::Histogram& said) {
   said.set_max_ns(summary.max);
 }
 
+void fill(const base::HistogramSummary& summary, const base::HistogramBuckets& buckets,
+          protocol::Histogram& said) {
+  fill(summary, said);
+  // A sample recorded between the two is in the buckets only: these are to be consistent.
+  said.set_count(buckets.count);
+  said.set_mean_ns(buckets.count == 0 ? 0.0 : buckets.sum_ns / static_cast<double>(buckets.count));
+  for (std::size_t i = 0; i < buckets.below.size(); ++i) {
+    protocol::Histogram::Bucket& bucket = *said.add_buckets();
+    bucket.set_bound_ns(base::HistogramBuckets::bound_ns(i));
+    bucket.set_count(buckets.below[i]);
+  }
+}
+
 template <unsigned kSubBits>
 void fill(const base::LogHistogram<kSubBits>& histogram, bool with_buckets,
           protocol::Histogram& said) {
-  fill(histogram.summary(), said);
   if (with_buckets) {
-    // A sample recorded after the summary was taken is in both.
-    const base::HistogramBuckets buckets = histogram.buckets();
-    said.set_count(buckets.count);
-    said.set_mean_ns(buckets.count == 0 ? 0.0
-                                        : buckets.sum_ns / static_cast<double>(buckets.count));
-    for (std::size_t i = 0; i < buckets.below.size(); ++i) {
-      protocol::Histogram::Bucket& bucket = *said.add_buckets();
-      bucket.set_bound_ns(base::HistogramBuckets::bound_ns(i));
-      bucket.set_count(buckets.below[i]);
-    }
+    fill(histogram.summary(), histogram.buckets(), said);
+  } else {
+    fill(histogram.summary(), said);
+  }
+}
+
+/// The same, of a component in another process.
+void fill(const base::HistogramSummary& summary, const base::HistogramBuckets& buckets,
+          bool with_buckets, protocol::Histogram& said) {
+  said.Clear();
+  if (with_buckets) {
+    fill(summary, buckets, said);
+  } else {
+    fill(summary, said);
   }
 }
 
@@ -58,6 +78,33 @@ void fill(const detail::Ledger& ledger, protocol::Ledger& said) {
       drop.set_reason(detail::to_word(static_cast<detail::DropReason>(i)));
       drop.set_count(ledger.dropped[i]);
     }
+  }
+}
+
+void fill(const ProcessUsage& usage, google::protobuf::RepeatedPtrField<protocol::Thread>& said) {
+  for (const auto& [name, threads] : usage.threads) {
+    protocol::Thread& one = *said.Add();
+    one.set_name(name);
+    one.set_cpu_ns(threads.cpu_ns);
+    one.set_count(threads.count);
+  }
+}
+
+void fill_processes(const std::vector<host::Peers::Process>& others, protocol::Overview& overview) {
+  for (const host::Peers::Process& other : others) {
+    const auto usage = process_usage(static_cast<pid_t>(other.pid));
+    if (!usage || usage->parent != ::getppid()) {
+      continue;  // It has ended; another program may have its pid already.
+    }
+    protocol::Process& said = *overview.add_processes();
+    said.set_name(other.name);
+    said.set_pid(other.pid);
+    said.set_cpu_ns(usage->cpu_ns);
+    said.set_rss_kib(usage->resident_bytes / 1024);
+    said.set_virtual_kib(usage->virtual_bytes / 1024);
+    said.set_open_files(usage->open_files);
+    said.set_start_ns(usage->start_ns);
+    fill(*usage, *said.mutable_threads());
   }
 }
 
@@ -117,11 +164,9 @@ void fill_application(const host::Application& application, protocol::Overview& 
   overview.set_open_files(usage.open_files);
   overview.set_max_files(usage.max_files);
   overview.set_process_start_ns(usage.start_ns);
-  for (const auto& [name, threads] : usage.threads) {
-    protocol::Thread& said = *overview.add_threads();
-    said.set_name(name);
-    said.set_cpu_ns(threads.cpu_ns);
-    said.set_count(threads.count);
+  fill(usage, *overview.mutable_threads());
+  if (application.peers() != nullptr) {
+    fill_processes(application.peers()->others(), overview);
   }
   overview.set_cpus(std::max(1U, std::thread::hardware_concurrency()));
 }
@@ -158,7 +203,10 @@ void fill_components(const host::Application& application,
       queued[subscription->component] += subscription->ledger().queued;
     }
   }
-  auto callbacks = host::find_callbacks(application);
+  std::map<std::string, std::vector<host::KnownCallback>> callbacks;
+  application.look_at_topics([&](const detail::Topics& topics) {
+    callbacks = host::find_callbacks(topics, application.components());
+  });
   const std::vector<std::string> executors = application.executor_names();
   for (const auto& core : application.components()) {
     protocol::Component& said = *overview.add_components();
@@ -200,10 +248,20 @@ void fill_components(const host::Application& application,
       said.set_last_reload(base::to_utf8(its.version.last));
       if (its.elsewhere) {
         said.set_state(host::to_word(its.elsewhere->state));
+        said.set_executor(its.elsewhere->executor);
         said.set_activations(its.elsewhere->activations);
         said.set_overruns(its.elsewhere->overruns);
-        fill(its.elsewhere->callback, *said.mutable_callback());
-        fill(its.elsewhere->lateness, *said.mutable_lateness());
+        fill(its.elsewhere->callback, its.elsewhere->callback_buckets, with_buckets,
+             *said.mutable_callback());
+        fill(its.elsewhere->lateness, its.elsewhere->lateness_buckets, with_buckets,
+             *said.mutable_lateness());
+        said.clear_callbacks();
+        for (const host::FiguresElsewhere::Callback& callback : its.elsewhere->callbacks) {
+          protocol::Callback& one = *said.add_callbacks();
+          one.set_name(callback.name);
+          one.set_kind(callback.kind);
+          fill(callback.run_time, *one.mutable_time());
+        }
         for (const auto& one : its.elsewhere->subscriptions) {
           said.set_queued(said.queued() + one.ledger.queued);
         }
@@ -289,7 +347,8 @@ void fill_topic(const host::Application& application, const SeenTopic& seen,
       said.set_depth(one.depth);
       said.set_overflow(one.drops_oldest ? "drop_oldest" : "drop_newest");
       fill(one.ledger, *said.mutable_ledger());
-      fill(one.latency, *said.mutable_latency());
+      fill(one.latency, one.latency_buckets, with_buckets, *said.mutable_latency());
+      said.mutable_unmatched()->Add(one.unmatched.begin(), one.unmatched.end());
       count_in(said, topic);
     }
   }

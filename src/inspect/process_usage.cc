@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <string>
 #include <system_error>
+#include <utility>
 
 #include <sys/resource.h>
 #include <unistd.h>
@@ -20,8 +22,8 @@ std::int64_t read_clock(clockid_t clock) {
   return std::int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
 }
 
-void read_memory(ProcessUsage& usage) {
-  std::ifstream file("/proc/self/statm");
+void read_memory(const fs::path& folder, ProcessUsage& usage) {
+  std::ifstream file(folder / "statm");
   std::int64_t size = 0;
   std::int64_t resident = 0;
   if (file >> size >> resident) {
@@ -30,23 +32,16 @@ void read_memory(ProcessUsage& usage) {
   }
 }
 
-void read_files(ProcessUsage& usage) {
+void read_files(const fs::path& folder, ProcessUsage& usage) {
   std::error_code error;
-  for (fs::directory_iterator entry("/proc/self/fd", error), end; !error && entry != end;
+  for (fs::directory_iterator entry(folder / "fd", error), end; !error && entry != end;
        entry.increment(error)) {
     ++usage.open_files;
   }
-  if (usage.open_files > 0) {
-    --usage.open_files;  // The descriptor used to read the folder.
-  }
-  rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY) {
-    usage.max_files = limit.rlim_cur;
-  }
 }
 
-void read_start(ProcessUsage& usage) {
-  std::ifstream file("/proc/self/stat");
+void read_start(const fs::path& folder, ProcessUsage& usage) {
+  std::ifstream file(folder / "stat");
   std::string text;
   std::getline(file, text);
   const auto name_end = text.rfind(')');  // The name may contain anything.
@@ -55,7 +50,8 @@ void read_start(ProcessUsage& usage) {
   }
   std::istringstream fields(text.substr(name_end + 1));
   std::string field;
-  for (int i = 3; i < 22; ++i) {
+  fields >> field >> usage.parent;
+  for (int i = 5; i < 22; ++i) {
     fields >> field;
   }
   std::int64_t ticks = 0;
@@ -65,9 +61,9 @@ void read_start(ProcessUsage& usage) {
   }
 }
 
-void read_threads(ProcessUsage& usage) {
+void read_threads(const fs::path& folder, ProcessUsage& usage) {
   std::error_code error;
-  for (fs::directory_iterator entry("/proc/self/task", error), end; !error && entry != end;
+  for (fs::directory_iterator entry(folder / "task", error), end; !error && entry != end;
        entry.increment(error)) {
     std::ifstream name_file(entry->path() / "comm");
     std::ifstream time_file(entry->path() / "schedstat");
@@ -82,16 +78,37 @@ void read_threads(ProcessUsage& usage) {
   }
 }
 
+ProcessUsage read(const fs::path& folder, clockid_t clock) {
+  ProcessUsage usage;
+  usage.cpu_ns = read_clock(clock);
+  read_memory(folder, usage);
+  read_files(folder, usage);
+  read_start(folder, usage);
+  read_threads(folder, usage);
+  return usage;
+}
+
 }  // namespace
 
 ProcessUsage process_usage() {
-  ProcessUsage usage;
-  usage.cpu_ns = read_clock(CLOCK_PROCESS_CPUTIME_ID);
-  read_memory(usage);
-  read_files(usage);
-  read_start(usage);
-  read_threads(usage);
+  ProcessUsage usage = read("/proc/self", CLOCK_PROCESS_CPUTIME_ID);
+  if (usage.open_files > 0) {
+    --usage.open_files;  // The descriptor used to read the folder.
+  }
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur != RLIM_INFINITY) {
+    usage.max_files = limit.rlim_cur;
+  }
   return usage;
+}
+
+std::optional<ProcessUsage> process_usage(pid_t pid) {
+  clockid_t clock{};
+  if (pid <= 0 || ::clock_getcpuclockid(pid, &clock) != 0) {
+    return std::nullopt;
+  }
+  ProcessUsage usage = read("/proc/" + std::to_string(pid), clock);
+  return usage.start_ns == 0 ? std::nullopt : std::optional(std::move(usage));
 }
 
 }  // namespace fastcycle::inspect

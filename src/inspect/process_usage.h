@@ -2,11 +2,14 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
+
+#include <sys/types.h>
 
 namespace fastcycle::inspect {
 
-/// Resource usage of this process as the kernel reports it; 0 where it does not.
+/// Resource usage of a process as the kernel reports it; 0 where it does not.
 struct ProcessUsage {
   struct Threads {
     std::int64_t cpu_ns = 0;
@@ -18,7 +21,8 @@ struct ProcessUsage {
   std::int64_t virtual_bytes = 0;
   std::uint64_t open_files = 0;
   std::uint64_t max_files = 0;
-  std::int64_t start_ns = 0;               ///< Start time, since 1970.
+  std::int64_t start_ns = 0;  ///< Start time, since 1970.
+  pid_t parent = 0;
   std::map<std::string, Threads> threads;  ///< By thread name.
 };
 
@@ -26,5 +30,8 @@ struct ProcessUsage {
 ///
 /// @threads  Safe. Does not involve or block the other threads.
 [[nodiscard]] ProcessUsage process_usage();
+/// The same of another process, without `max_files`; none if there is none. The descriptors of
+/// another user's process are not known.
+[[nodiscard]] std::optional<ProcessUsage> process_usage(pid_t pid);
 
 }  // namespace fastcycle::inspect

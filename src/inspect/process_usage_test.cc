@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 #include <pthread.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 namespace fastcycle::inspect {
@@ -22,6 +23,30 @@ TEST(ProcessUsage, SaysWhatTheKernelCounts) {
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   EXPECT_LE(usage.start_ns, std::chrono::nanoseconds(now).count());
   EXPECT_GT(usage.start_ns, std::chrono::nanoseconds(now - std::chrono::hours(24)).count());
+}
+
+TEST(ProcessUsage, IsKnownOfAnotherProcessAsLongAsItLives) {
+  int hold[2];
+  ASSERT_EQ(::pipe(hold), 0);
+  const pid_t child = ::fork();
+  if (child == 0) {
+    char byte{};
+    ::close(hold[1]);
+    ::_exit(static_cast<int>(::read(hold[0], &byte, 1)));
+  }
+  const auto usage = process_usage(child);
+  ::close(hold[1]);
+  ::waitpid(child, nullptr, 0);
+  ::close(hold[0]);
+
+  ASSERT_TRUE(usage);
+  EXPECT_EQ(usage->parent, ::getpid());
+  EXPECT_GT(usage->resident_bytes, 0);
+  EXPECT_GT(usage->open_files, 0U);
+  EXPECT_GT(usage->start_ns, 0);
+  EXPECT_EQ(usage->threads.size(), 1U);
+  EXPECT_FALSE(process_usage(child)) << "it has ended";
+  EXPECT_FALSE(process_usage(0));
 }
 
 TEST(ProcessUsage, CountsDescriptors) {

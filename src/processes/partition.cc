@@ -76,6 +76,22 @@ std::atomic<std::uint32_t>* Partition::crashed() {
   return pair_ == nullptr ? nullptr : &wire_.standby(process_, incarnation_).crashed;
 }
 
+std::vector<host::Peers::Process> Partition::others() const {
+  std::vector<Process> others;
+  for (ProcessIndex process = 0; process < plan_.count(); ++process) {
+    const std::uint32_t incarnation = wire_.incarnation(process).load(std::memory_order_acquire);
+    if (process == process_ || incarnation == 0) {
+      continue;
+    }
+    const std::int64_t pid =
+        wire_.stage(process, incarnation, plan_.pid_word()).load(std::memory_order_acquire);
+    if (pid != 0) {
+      others.push_back({.name = plan_.name(process), .pid = pid});
+    }
+  }
+  return others;
+}
+
 std::string Partition::switch_to_standby(const std::string& component) {
   const ProcessIndex active = process_of(component);
   const auto standby = plan_.twin_of(active);

@@ -93,6 +93,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   [[nodiscard]] std::uint16_t lane_room(const std::string& component) const override;
   void stops() override;
   [[nodiscard]] std::string switch_to_standby(const std::string& component) override;
+  [[nodiscard]] std::vector<Process> others() const override;
   [[nodiscard]] std::atomic<std::uint32_t>* crashed() override;
   [[nodiscard]] bool is_wanted(const std::string& topic) const override;
   [[nodiscard]] std::vector<Invalid> take_invalid() override;

@@ -18,8 +18,8 @@
 #include "base/printable.h"
 #include "component/peers.h"
 #include "component/words.h"
+#include "host/callbacks.h"
 #include "replay/replay.h"
-#include "report/callbacks.h"
 
 namespace fastcycle::host {
 
@@ -1061,7 +1061,10 @@ RunReport make_report(const Application& application, Duration wall) {
   if (replay != nullptr) {
     report.replay = report_replay(application, *replay);
   }
-  auto callbacks = find_callbacks(application);
+  std::map<std::string, std::vector<KnownCallback>> callbacks;
+  application.look_at_topics([&](const detail::Topics& topics) {
+    callbacks = find_callbacks(topics, application.components());
+  });
   const Peers* const peers = application.peers();
   for (const auto& component : application.components()) {
     if (peers != nullptr && !peers->is_here(peers->process_of(component->name))) {

@@ -14,8 +14,8 @@
 #include "fastcycle/component.h"
 #include "faults/injector.h"
 #include "host/application.h"
+#include "host/unmatched.h"
 #include "modes/chains.h"
-#include "report/unmatched.h"
 
 namespace fastcycle::host {
 

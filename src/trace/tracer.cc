@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "component/time_driver.h"
+#include "component/words.h"
 #include "host/application.h"
 
 namespace fastcycle::trace {
@@ -263,6 +264,7 @@ void Tracer::start(const host::ObserverView& view, std::vector<base::Refusal>& r
   find_queues();
   static_cast<void>(hand_over());
   is_started_ = true;
+  takes_news_.store(true, std::memory_order_release);
   if (!clock_->is_simulated()) {
     reading_ = base::Thread({.name = "trace-read", .cpus = {}}, [this] { poll(); }, refusals);
   }
@@ -295,6 +297,7 @@ void Tracer::take(bool is_last) {
   if (is_last || batch_ % kPollsPerLedger == 0) {
     write_ledgers();
   }
+  write_figures();
   write_losses(is_last);
 }
 
@@ -631,6 +634,71 @@ void Tracer::write_ledgers() {
   }
 }
 
+void Tracer::write_figures() {
+  std::map<std::size_t, FiguresNote> figures;
+  {
+    const std::lock_guard lock(fault_mutex_);
+    figures.swap(figures_);
+  }
+  for (const auto& [component, note] : figures) {
+    if (component >= components_.size()) {
+      continue;
+    }
+    std::map<std::string, std::size_t> numbers;
+    for (const host::FiguresElsewhere::Subscription& subscription : note.subscriptions) {
+      const auto [place, is_new] = queues_elsewhere_.try_emplace(
+          {component, subscription.topic, numbers[subscription.topic]++});
+      if (is_new) {
+        const std::string path = subscription.topic + " → " + components_[component].name;
+        place->second = {.track = new_track(process_track_, "queue " + path, true),
+                         .name_of_drop = packets_.name("dropped: " + path)};
+      }
+      write_figures(note.time_ns, place->second, subscription);
+    }
+  }
+}
+
+void Tracer::write_figures(std::int64_t time_ns, QueueElsewhere& queue,
+                           const host::FiguresElsewhere::Subscription& subscription) {
+  const detail::Ledger& ledger = subscription.ledger;
+  if (ledger.queued != queue.ledger.queued) {
+    packets_.add(Event{.type = EventType::kCounter,
+                       .time_ns = time_ns,
+                       .track = queue.track,
+                       .value = static_cast<std::int64_t>(ledger.queued)});
+    counts_.samples += hand_over() ? 1 : 0;
+  }
+  for (std::size_t i = 0; i < ledger.dropped.size(); ++i) {
+    const std::uint64_t last = queue.ledger.dropped[i];
+    const std::uint64_t before = ledger.dropped[i] < last ? 0 : last;  // Of a restarted process.
+    if (ledger.dropped[i] > before &&
+        static_cast<detail::DropReason>(i) != detail::DropReason::kSuperseded) {
+      const Annotation count{.name = words_.count,
+                             .value = static_cast<std::int64_t>(ledger.dropped[i] - before)};
+      write_instant(time_ns, drops_track_, queue.name_of_drop, std::span(&count, 1),
+                    detail::to_word(static_cast<detail::DropReason>(i)));
+    }
+  }
+  queue.ledger = ledger;
+}
+
+/// Keeps the newest figures of a component in another process.
+void Tracer::changed(const host::ComponentNews& news) noexcept {
+  if (!news.elsewhere || !takes_news_.load(std::memory_order_acquire)) {
+    return;
+  }
+  try {
+    FiguresNote note{.time_ns = now_ns(), .subscriptions = news.elsewhere->subscriptions};
+    std::erase_if(note.subscriptions, [](const auto& subscription) {
+      return subscription.kind == host::to_word(detail::Subscription::Kind::kTap);
+    });
+    const std::lock_guard lock(fault_mutex_);
+    figures_.insert_or_assign(news.component, std::move(note));
+  } catch (const std::bad_alloc&) {
+    // The next figures have these counts too.
+  }
+}
+
 void Tracer::overflowed(const detail::Subscription& subscription) noexcept {
   if (clock_ == nullptr) {
     return;
@@ -674,7 +742,7 @@ void Tracer::write_notes() {
 }
 
 void Tracer::faulted(std::string_view component, std::string_view what) noexcept {
-  if (clock_ == nullptr) {
+  if (!takes_news_.load(std::memory_order_acquire)) {
     return;
   }
   const std::unique_lock lock(fault_mutex_, std::try_to_lock);

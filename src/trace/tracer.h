@@ -26,6 +26,7 @@
 #include "config/description.h"
 #include "executor/activation_ring.h"
 #include "host/observer.h"
+#include "host/status_news.h"
 #include "trace/packets.h"
 #include "trace/trace_file.h"
 
@@ -74,6 +75,8 @@ class Tracer final : public host::Observer {
   void start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void round_ended(std::uint32_t step) override;
   void faulted(std::string_view component, std::string_view what) noexcept override;
+  [[nodiscard]] bool wants_changes() const override { return true; }
+  void changed(const host::ComponentNews& news) noexcept override;
   [[nodiscard]] bool wants_overflows() const override { return true; }
   void overflowed(const detail::Subscription& subscription) noexcept override;
   void stop(const host::Application& application) override;
@@ -159,6 +162,18 @@ class Tracer final : public host::Observer {
     detail::Ledger ledger = {};  ///< As written last.
   };
 
+  /// A queue in another process, of which the main process gets the figures.
+  struct QueueElsewhere {
+    std::uint64_t track = 0;
+    std::uint64_t name_of_drop = 0;
+    detail::Ledger ledger = {};  ///< As written last.
+  };
+  /// The newest figures of a component there.
+  struct FiguresNote {
+    std::int64_t time_ns = 0;
+    std::vector<host::FiguresElsewhere::Subscription> subscriptions = {};
+  };
+
   void describe_tracks(const host::ObserverView& view);
   void describe_workers(const host::Application& application);
   void describe_peers(const host::ObserverView& view);
@@ -178,6 +193,9 @@ class Tracer final : public host::Observer {
   void write_faults();
   void write_queues();
   void write_ledgers();
+  void write_figures();
+  void write_figures(std::int64_t time_ns, QueueElsewhere& queue,
+                     const host::FiguresElsewhere::Subscription& subscription);
   void write_losses(bool is_last);
   void find_queues();
   void write_slice(const Slice& slice, std::uint64_t track, const std::optional<FlowBegin>& flow);
@@ -203,6 +221,7 @@ class Tracer final : public host::Observer {
   const base::Clock* clock_ = nullptr;
   bool is_started_ = false;
   std::int64_t start_ns_ = 0;
+  std::atomic<bool> takes_news_{false};  ///< Of components elsewhere; once the above is set.
 
   // Of the reading thread; in simulated time that of the simulation.
   Packets packets_;
@@ -212,6 +231,8 @@ class Tracer final : public host::Observer {
   std::unordered_map<PublisherId, PublisherState> publishers_;
   std::vector<Queue> queues_;
   std::unordered_map<const detail::Subscription*, std::size_t> queue_of_;
+  /// By component, topic and its number among the component's subscriptions to that topic.
+  std::map<std::tuple<std::size_t, std::string, std::size_t>, QueueElsewhere> queues_elsewhere_;
   std::vector<detail::ActivationRecord> records_;
   std::map<std::tuple<std::uint32_t, detail::Cause, std::uint64_t>, std::uint64_t> names_;
   std::array<std::uint64_t, 12> categories_{};  ///< Names, by cause.
@@ -234,6 +255,7 @@ class Tracer final : public host::Observer {
   std::atomic<std::uint64_t> notes_lost_{0};
   std::mutex fault_mutex_;
   std::vector<FaultNote> faults_;
+  std::map<std::size_t, FiguresNote> figures_;  ///< By component; under the same mutex.
 
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -122,6 +122,33 @@ class Writer {
   std::string_view suffix_;
 };
 
+void write_other_processes(const protocol::Overview& overview, Writer& to) {
+  if (overview.processes_size() == 0) {
+    return;
+  }
+  const auto each = [&](auto value) {
+    for (const protocol::Process& process : overview.processes()) {
+      to.add({{"process", process.name()}}, value(process));
+    }
+  };
+  using Process = protocol::Process;
+  to.begin_counter("fastcycle_process_cpu_seconds", "seconds",
+                   "CPU time of another process of the application.");
+  each([](const Process& process) { return static_cast<double>(process.cpu_ns()) * kNanosecond; });
+  to.begin_gauge("fastcycle_process_resident_memory_bytes", "bytes",
+                 "Its resident memory; what processes share counts in each.");
+  each([](const Process& process) { return process.rss_kib() * 1024; });
+  to.begin_gauge("fastcycle_process_virtual_memory_bytes", "bytes", "Its address space.");
+  each([](const Process& process) { return process.virtual_kib() * 1024; });
+  to.begin_gauge("fastcycle_process_open_fds", "",
+                 "Its open file descriptors; 0 if another user's process hides them.");
+  each([](const Process& process) { return process.open_files(); });
+  to.begin_gauge("fastcycle_process_start_time_seconds", "seconds",
+                 "When it began, in seconds since 1970.");
+  each(
+      [](const Process& process) { return static_cast<double>(process.start_ns()) * kNanosecond; });
+}
+
 void write_process(const protocol::Overview& overview, const ServedCounts& served, Writer& to) {
   to.begin_gauge("fastcycle_application_info", "", "Which application runs.");
   to.add({{"application", overview.application()},
@@ -148,10 +175,22 @@ void write_process(const protocol::Overview& overview, const ServedCounts& serve
   for (const protocol::Thread& thread : overview.threads()) {
     to.add({{"thread", thread.name()}}, static_cast<double>(thread.cpu_ns()) * kNanosecond);
   }
+  for (const protocol::Process& process : overview.processes()) {
+    for (const protocol::Thread& thread : process.threads()) {
+      to.add({{"thread", thread.name()}, {"process", process.name()}},
+             static_cast<double>(thread.cpu_ns()) * kNanosecond);
+    }
+  }
   to.begin_gauge("fastcycle_threads", "", "Threads of this name.");
   for (const protocol::Thread& thread : overview.threads()) {
     to.add({{"thread", thread.name()}}, thread.count());
   }
+  for (const protocol::Process& process : overview.processes()) {
+    for (const protocol::Thread& thread : process.threads()) {
+      to.add({{"thread", thread.name()}, {"process", process.name()}}, thread.count());
+    }
+  }
+  write_other_processes(overview, to);
   to.begin_gauge("fastcycle_time_seconds", "seconds",
                  "The time of the application; in a live run seconds since 1970.");
   to.add({}, static_cast<double>(overview.now_ns()) * kNanosecond);

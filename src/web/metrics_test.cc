@@ -26,6 +26,11 @@ protocol::Overview make_overview() {
   thread.set_name("control-0");
   thread.set_cpu_ns(250'000'000);
   thread.set_count(1);
+  protocol::Process& other = *overview.add_processes();
+  other.set_name("sensing");
+  other.set_cpu_ns(2'500'000'000);
+  other.set_rss_kib(2);
+  *other.add_threads() = thread;
   overview.set_mode("nominal");
   overview.add_modes("nominal");
   overview.add_modes("degraded");
@@ -70,6 +75,10 @@ TEST(Metrics, SayWhatTheApplicationSays) {
   EXPECT_THAT(text, HasSubstr("process_start_time_seconds 1.5\n"));
   EXPECT_THAT(text, HasSubstr("fastcycle_thread_cpu_seconds_total{thread=\"control-0\"} 0.25\n"));
   EXPECT_THAT(text, HasSubstr("fastcycle_threads{thread=\"control-0\"} 1\n"));
+  EXPECT_THAT(text, HasSubstr("fastcycle_threads{thread=\"control-0\",process=\"sensing\"} 1\n"));
+  EXPECT_THAT(text, HasSubstr("fastcycle_process_cpu_seconds_total{process=\"sensing\"} 2.5\n"));
+  EXPECT_THAT(text,
+              HasSubstr("fastcycle_process_resident_memory_bytes{process=\"sensing\"} 2048\n"));
   EXPECT_THAT(text, HasSubstr("application=\"drive \\\"one\\\"\""));
   EXPECT_THAT(text, HasSubstr("fastcycle_mode{mode=\"degraded\"} 0\n"));
   EXPECT_THAT(text,

@@ -932,6 +932,7 @@ TEST_F(ComponentsInProcesses, AreAllInATrace) {
     EXPECT_THAT(trace, HasSubstr("relay: readings")) << clock;
     EXPECT_THAT(trace, HasSubstr("relaying")) << clock;
     EXPECT_THAT(trace, HasSubstr("fault of relay")) << clock;
+    EXPECT_THAT(trace, HasSubstr("queue readings → relay")) << clock;
     EXPECT_THAT(trace, HasSubstr("it was asked to")) << clock;
   }
 }
@@ -1050,6 +1051,22 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
            shown.contains("callback_us") && shown["callback_us"].is_object();
   });
   EXPECT_EQ(relay()["process"], "relaying");
+  const json all = json::parse(tool({"top", "--json", "--interval", "100ms"}).second);
+  ASSERT_EQ(all["processes"].size(), 2) << all;
+  EXPECT_EQ(all["processes"][0]["name"], "main");
+  EXPECT_EQ(all["processes"][0]["pid"], all["pid"]);
+  const json& its = all["processes"][1];
+  EXPECT_EQ(its["name"], "relaying");
+  EXPECT_EQ(its["pid"], test::process_of_session(run.pid(), "relaying"));
+  EXPECT_EQ(its["components"], json({"relay"}));
+  EXPECT_GT(its["rss_bytes"], 100'000);
+  EXPECT_GT(its["open_files"], 0);
+  EXPECT_GT(its["threads"].size(), 1);
+  EXPECT_TRUE(its["cpu_percent"].is_number()) << its;
+  EXPECT_EQ(relay()["executor"], "pool");
+  ASSERT_EQ(relay()["callbacks"].size(), 1) << relay();
+  EXPECT_EQ(relay()["callbacks"][0]["name"], "readings");
+  EXPECT_GT(relay()["callbacks"][0]["time_us"]["p50"], 0.0);
 
   EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("1"));
   EXPECT_EQ(tool({"param", "set", "relay.gain=4"}).first, 0);

@@ -113,12 +113,33 @@ TEST(Layout, AtFortyColumnsHasWhatMattersMost) {
   EXPECT_EQ(lines_of(text).size(), 10U);
 }
 
+TEST(Layout, ShowsEachProcessWithItsThreadsAndComponents) {
+  const Model model = drive_in_processes();
+  View view = view_of(Page::kProcesses);
+  const std::string table = text_of(model, view, 100, 20);
+  EXPECT_THAT(table, HasSubstr("3 Processes 2"));
+  EXPECT_THAT(table, HasSubstr("planner, camera"));
+  EXPECT_THAT(table, HasSubstr("2 processes"));
+
+  view.order().selected = "sensing";
+  view.shows_details = true;
+  const std::string details = text_of(model, view, 100, 20);
+  EXPECT_THAT(details, HasSubstr("4712"));
+  EXPECT_THAT(details, HasSubstr("sensors-0   CPU 60.0 %"));
+  EXPECT_THAT(details, HasSubstr("fastcycle (2)   CPU - %"));
+
+  view = view_of(Page::kComponents);
+  view.order().selected = "lidar_driver";
+  view.shows_details = true;
+  EXPECT_THAT(text_of(model, view, 100, 30), HasSubstr("tick scan   p50 1.00ms"));
+}
+
 TEST(Layout, FitsAnyScreen) {
-  Model model = drive();
+  Model model = drive_in_processes();
   model.components[0].name = "sensors/front/激光雷达/driver_with_a_name_that_never_ends_for_long";
   model.topics[0].name = std::string(300, 'x');
   model.application = std::string(100, 'y');
-  for (const Page page : {Page::kComponents, Page::kTopics, Page::kChains}) {
+  for (const Page page : {Page::kComponents, Page::kTopics, Page::kChains, Page::kProcesses}) {
     for (const bool has_text : {false, true}) {
       View view = view_of(page);
       view.shows_help = has_text;

@@ -110,6 +110,28 @@ inline Model drive_with_chains() {
   return model;
 }
 
+/// The same in two processes.
+inline Model drive_in_processes() {
+  Model model = drive();
+  model.components[0].process = "sensing";
+  model.components[0].callbacks = {{.name = "scan", .kind = "tick", .time = Times{1e6, 2e6, 3e6}}};
+  model.processes = {{.name = "main",
+                      .pid = 4711,
+                      .cpu_percent = 20,
+                      .rss_bytes = 30e6,
+                      .open_files = 41,
+                      .threads = {{.name = "main-0", .count = 1, .cpu_percent = 12.5}},
+                      .components = {"planner", "camera"}},
+                     {.name = "sensing",
+                      .pid = 4712,
+                      .cpu_percent = 61,
+                      .rss_bytes = 15e6,
+                      .threads = {{.name = "sensors-0", .count = 1, .cpu_percent = 60},
+                                  {.name = "fastcycle", .count = 2}},
+                      .components = {"lidar_driver"}}};
+  return model;
+}
+
 /// An application of so many components and topics, numbered.
 inline Model large(int count) {
   Model model{.application = "large", .pid = 1, .clock = "simulated"};

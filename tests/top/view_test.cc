@@ -104,6 +104,24 @@ TEST(AView, HasAPageOfChainsWhereThereAreSome) {
   EXPECT_EQ(other.view().page, Page::kComponents);
 }
 
+TEST(AView, HasAPageOfProcessesWhereThereAreSeveral) {
+  Person person(drive_in_processes());
+
+  person.types("3");
+  EXPECT_EQ(person.view().page, Page::kProcesses) << "there are no chains";
+  EXPECT_THAT(person.names(), ElementsAre("sensing", "main")) << "by CPU";
+  person.presses(Kind::kTab);
+  EXPECT_EQ(person.view().page, Page::kComponents);
+  person.presses(Kind::kBackTab);
+  EXPECT_EQ(person.view().page, Page::kProcesses);
+
+  Model model = drive_with_chains();
+  model.processes = drive_in_processes().processes;
+  Person other(model);
+  other.types("4");
+  EXPECT_EQ(other.view().page, Page::kProcesses);
+}
+
 TEST(AView, IsFilteredByWhatIsTyped) {
   Person person(drive());
 

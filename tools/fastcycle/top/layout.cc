@@ -66,6 +66,8 @@ void put_header(Screen& screen, const Model& model, const View& view) {
        count_piece("faults", model.faults, Tone::kBad),
        {or_dash(model.messages_hz, rate_text) + " msg/s"},
        {model.cpus == 0 ? "" : fmt::format("of {} CPUs", model.cpus), Tone::kQuiet},
+       {model.processes.empty() ? "" : fmt::format("{} processes", model.processes.size()),
+        Tone::kQuiet},
        {model.interval_s ? fmt::format("over {:.1f} s", *model.interval_s) : "", Tone::kQuiet}},
       screen.width());
 }
@@ -78,16 +80,18 @@ std::string page_title(const Model& model, Page page) {
       return fmt::format("Topics {}", model.topics.size());
     case Page::kChains:
       return fmt::format("Chains {}", model.chains.size());
+    case Page::kProcesses:
+      return fmt::format("Processes {}", model.processes.size());
   }
   return {};
 }
 
 void put_pages(Screen& screen, const Model& model, const View& view) {
   int column = 0;
-  for (std::size_t page = 0; page < pages_of(model); ++page) {
-    const bool is_chosen = static_cast<Page>(page) == view.page;
-    const std::string title =
-        fmt::format(" {} {} ", page + 1, page_title(model, static_cast<Page>(page)));
+  int number = 0;
+  for (const Page page : pages_of(model)) {
+    const bool is_chosen = page == view.page;
+    const std::string title = fmt::format(" {} {} ", ++number, page_title(model, page));
     column = screen.put(column, kPagesRow, title, is_chosen ? Tone::kBarStrong : Tone::kBar);
   }
   if (view.is_typing_filter || !view.filter.empty()) {
@@ -217,7 +221,7 @@ std::vector<TextLine> help_lines(const Model& model, const View& view) {
     lines.push_back({{fmt::format("{:<14}", key), Tone::kStrong}, {meaning}});
   };
   lines.push_back({{"Keys", Tone::kStrong}});
-  add("Tab 1 2 3", "next page, or page 1, 2, 3");
+  add("Tab 1 2 3 4", "next page, or page 1 to 4");
   add("Up Down j k", "select a row; PgUp PgDn Home End");
   add("Enter", "details of the selected row; Esc goes back");
   add("< > Left Right", "sort by another column");
@@ -268,6 +272,10 @@ std::vector<TextLine> component_lines(const Model& model, const ComponentRow& ro
            row.faults > 0 ? Tone::kBad : Tone::kPlain)};
   if (!row.remark.empty()) {
     lines.push_back(fact("remark", row.remark, Tone::kWarning));
+  }
+  for (const CallbackRow& callback : row.callbacks) {
+    lines.push_back(fact("callback", fmt::format("{} {}   {}", callback.kind, callback.name,
+                                                 times_text(callback.time))));
   }
   for (const TopicRow& topic : model.topics) {
     if (std::find(topic.publishers.begin(), topic.publishers.end(), row.name) !=
@@ -337,6 +345,24 @@ std::vector<TextLine> chain_lines(const ChainRow& row) {
   return lines;
 }
 
+std::vector<TextLine> process_lines(const ProcessRow& row) {
+  std::vector<TextLine> lines{
+      fact("process", row.name, Tone::kStrong),
+      fact("pid", fmt::format("{}", row.pid)),
+      fact("CPU", or_dash(row.cpu_percent, percent_text) + " %"),
+      fact("RSS", size_text(row.rss_bytes)),
+      fact("open files", row.open_files == 0 ? "-" : fmt::format("{}", row.open_files)),
+      fact("components", joined(row.components))};
+  lines.emplace_back();
+  for (const ThreadRow& thread : row.threads) {
+    lines.push_back(
+        fact("thread", fmt::format("{}{}   CPU {} %", thread.name,
+                                   thread.count == 1 ? "" : fmt::format(" ({})", thread.count),
+                                   or_dash(thread.cpu_percent, percent_text))));
+  }
+  return lines;
+}
+
 template <typename Row>
 const Row* find_row(const std::vector<Row>& rows, const std::string& name) {
   const auto found =
@@ -357,6 +383,10 @@ std::vector<TextLine> detail_lines(const Model& model, const View& view) {
   if (const auto* chain = find_row(model.chains, name);
       chain != nullptr && view.page == Page::kChains) {
     return chain_lines(*chain);
+  }
+  if (const auto* process = find_row(model.processes, name);
+      process != nullptr && view.page == Page::kProcesses) {
+    return process_lines(*process);
   }
   return {{{name + " no longer exists", Tone::kQuiet}}};
 }
@@ -442,8 +472,8 @@ std::string to_text(const Model& model, int width) {
   View view = first_view();
   put_header(header, model, view);
   std::string text = header.text();
-  for (std::size_t page = 0; page < pages_of(model); ++page) {
-    view.page = static_cast<Page>(page);
+  for (const Page page : pages_of(model)) {
+    view.page = page;
     const Table table = table_of(model, view);
     const std::vector<Place> places = places_of(table, width);
     Screen body(width, static_cast<int>(table.lines.size()) + 2);

@@ -12,6 +12,9 @@ using inspect::protocol::Overview;
 using nlohmann::json;
 using nlohmann::ordered_json;
 
+/// What messages and documents call the process that serves the tools.
+const std::string kMainProcess = "main";
+
 /// The interval between two snapshots of the same run.
 struct Interval {
   double seconds = 0;  ///< 0: there are no rates.
@@ -59,6 +62,67 @@ std::optional<Times> times_of(const inspect::protocol::Histogram& histogram) {
   return Times{histogram.p50_ns(), histogram.p99_ns(), histogram.max_ns()};
 }
 
+/// The row of a process: `Overview` and `Process` have the same fields for it.
+template <typename Process>
+ProcessRow process_row(std::string name, const Process* before, const Process& now,
+                       const Interval& interval) {
+  ProcessRow row{.name = std::move(name),
+                 .pid = now.pid(),
+                 .rss_bytes = static_cast<double>(now.rss_kib()) * 1024,
+                 .open_files = now.open_files()};
+  const bool is_same = before != nullptr && before->pid() == now.pid();
+  if (is_same) {
+    const std::int64_t cpu = before->cpu_ns();
+    row.cpu_percent = percent(interval.rate(&cpu, now.cpu_ns()));
+  }
+  std::unordered_map<std::string, std::int64_t> earlier;
+  if (is_same) {
+    for (const inspect::protocol::Thread& thread : before->threads()) {
+      earlier.emplace(thread.name(), thread.cpu_ns());
+    }
+  }
+  for (const inspect::protocol::Thread& thread : now.threads()) {
+    const auto cpu = earlier.find(thread.name());
+    row.threads.push_back(
+        {.name = thread.name(),
+         .count = thread.count(),
+         .cpu_percent = cpu == earlier.end()
+                            ? std::nullopt
+                            : percent(interval.rate(&cpu->second, thread.cpu_ns()))});
+  }
+  return row;
+}
+
+/// The processes, if there are several, and their sums.
+void add_processes(Model& model, const Overview* before, const Overview& now,
+                   const Interval& interval) {
+  if (now.processes_size() == 0) {
+    return;
+  }
+  model.processes.push_back(process_row(kMainProcess, before, now, interval));
+  const Overview nothing;
+  const auto earlier = by_name((before == nullptr ? nothing : *before).processes());
+  for (const auto& process : now.processes()) {
+    model.processes.push_back(
+        process_row(process.name(), find(earlier, process.name()), process, interval));
+  }
+  for (ProcessRow& row : model.processes) {
+    for (const ComponentRow& component : model.components) {
+      if ((component.process.empty() ? kMainProcess : component.process) == row.name) {
+        row.components.push_back(component.name);
+      }
+    }
+  }
+  model.cpu_percent.reset();
+  model.rss_bytes = 0;
+  for (const ProcessRow& row : model.processes) {
+    model.rss_bytes += row.rss_bytes;
+    if (row.cpu_percent) {
+      model.cpu_percent = model.cpu_percent.value_or(0) + *row.cpu_percent;
+    }
+  }
+}
+
 ComponentRow component_row(const inspect::protocol::Component* before,
                            const inspect::protocol::Component& now, const Interval& interval) {
   ComponentRow row{.name = now.name(),
@@ -74,6 +138,10 @@ ComponentRow component_row(const inspect::protocol::Component* before,
                    .overruns = now.overruns(),
                    .faults = now.faults(),
                    .restarts = now.restarts()};
+  for (const inspect::protocol::Callback& callback : now.callbacks()) {
+    row.callbacks.push_back(
+        {.name = callback.name(), .kind = callback.kind(), .time = times_of(callback.time())});
+  }
   if (now.state() == "elsewhere") {
     row.remark = "in the process " + now.process();
   }
@@ -256,6 +324,11 @@ ordered_json drops_json(const Drops& drops) {
 }
 
 ordered_json component_json(const ComponentRow& row) {
+  ordered_json callbacks = ordered_json::array();
+  for (const CallbackRow& callback : row.callbacks) {
+    callbacks.push_back(
+        {{"kind", callback.kind}, {"name", callback.name}, {"time_us", times_json(callback.time)}});
+  }
   return {{"name", row.name},
           {"executor", row.executor},
           {"process", row.process.empty() ? "main" : row.process},
@@ -267,6 +340,7 @@ ordered_json component_json(const ComponentRow& row) {
           {"activations_hz", or_null(row.activations_hz)},
           {"callback_us", times_json(row.callback)},
           {"lateness_us", times_json(row.lateness)},
+          {"callbacks", std::move(callbacks)},
           {"queued", row.queued},
           {"overruns", row.overruns},
           {"faults", row.faults},
@@ -319,6 +393,22 @@ ordered_json chain_json(const ChainRow& row) {
           {"hops", std::move(hops)}};
 }
 
+ordered_json process_json(const ProcessRow& row) {
+  ordered_json threads = ordered_json::array();
+  for (const ThreadRow& thread : row.threads) {
+    threads.push_back({{"name", thread.name},
+                       {"count", thread.count},
+                       {"cpu_percent", or_null(thread.cpu_percent)}});
+  }
+  return {{"name", row.name},
+          {"pid", row.pid},
+          {"cpu_percent", or_null(row.cpu_percent)},
+          {"rss_bytes", row.rss_bytes},
+          {"open_files", row.open_files == 0 ? ordered_json() : ordered_json(row.open_files)},
+          {"threads", std::move(threads)},
+          {"components", row.components}};
+}
+
 }  // namespace
 
 Model model_of(const Snapshot* snapshot_before, const Snapshot& snapshot_now) {
@@ -357,6 +447,7 @@ Model model_of(const Snapshot* snapshot_before, const Snapshot& snapshot_now) {
     }
   }
   add_chains(model, snapshot_before, snapshot_now, interval);
+  add_processes(model, before, now, interval);
   return model;
 }
 
@@ -364,6 +455,10 @@ ordered_json to_json(const Model& model) {
   ordered_json chains = ordered_json::array();
   for (const ChainRow& row : model.chains) {
     chains.push_back(chain_json(row));
+  }
+  ordered_json processes = ordered_json::array();
+  for (const ProcessRow& row : model.processes) {
+    processes.push_back(process_json(row));
   }
   ordered_json components = ordered_json::array();
   for (const ComponentRow& row : model.components) {
@@ -387,7 +482,8 @@ ordered_json to_json(const Model& model) {
           {"faults", model.faults},
           {"components", std::move(components)},
           {"topics", std::move(topics)},
-          {"chains", std::move(chains)}};
+          {"chains", std::move(chains)},
+          {"processes", std::move(processes)}};
 }
 
 }  // namespace fastcycle::tool::top

@@ -19,6 +19,13 @@ struct Times {
   double max_ns = 0;
 };
 
+/// One callback of a component.
+struct CallbackRow {
+  std::string name = {};  ///< The topic, service or purpose of the timer.
+  std::string kind = {};  ///< What calls it.
+  std::optional<Times> time = {};
+};
+
 struct ComponentRow {
   std::string name = {};
   std::string executor = {};
@@ -30,6 +37,7 @@ struct ComponentRow {
   std::optional<double> activations_hz = {};
   std::optional<Times> callback = {};  ///< None: there was none.
   std::optional<Times> lateness = {};  ///< Of its timers.
+  std::vector<CallbackRow> callbacks = {};
   std::uint64_t activations = 0;
   std::uint64_t queued = 0;
   std::uint64_t overruns = 0;
@@ -93,6 +101,23 @@ struct ChainRow {
   std::vector<HopRow> hops = {};
 };
 
+/// The threads of one name in a process.
+struct ThreadRow {
+  std::string name = {};
+  std::uint32_t count = 0;
+  std::optional<double> cpu_percent = {};  ///< Of one CPU.
+};
+
+struct ProcessRow {
+  std::string name = {};
+  std::int64_t pid = 0;
+  std::optional<double> cpu_percent = {};  ///< 100 is one CPU.
+  double rss_bytes = 0;
+  std::uint64_t open_files = 0;  ///< 0: unknown.
+  std::vector<ThreadRow> threads = {};
+  std::vector<std::string> components = {};
+};
+
 /// All that is shown of an application at one moment, as plain values.
 ///
 /// @threads  Compatible.
@@ -103,9 +128,9 @@ struct Model {
   std::string mode = {};
   std::string end = {};                    ///< Why the run ends; empty while it runs.
   double up_s = 0;                         ///< The application's time since its start.
-  std::optional<double> cpu_percent = {};  ///< Of the whole process; 100 is one CPU.
+  std::optional<double> cpu_percent = {};  ///< Of all its processes; 100 is one CPU.
   std::uint32_t cpus = 0;
-  double rss_bytes = 0;
+  double rss_bytes = 0;  ///< Of all its processes; what they share counts in each.
   std::optional<double> messages_hz = {};
   std::uint64_t dropped = 0;
   std::uint64_t faults = 0;
@@ -113,6 +138,7 @@ struct Model {
   std::vector<ComponentRow> components = {};
   std::vector<TopicRow> topics = {};
   std::vector<ChainRow> chains = {};
+  std::vector<ProcessRow> processes = {};  ///< Empty if it has only one.
 };
 
 /// The answers of an application to one query.

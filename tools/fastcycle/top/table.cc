@@ -189,6 +189,39 @@ Table chain_table(const Model& model) {
   return table;
 }
 
+Table process_table(const Model& model) {
+  Table table;
+  table.headings = {{"PROCESS", "its name", 14, 0, true},
+                    {"PID", "its number", 8, 0, false},
+                    {"CPU%", "time of all its threads, share of one CPU", 5, 0, false},
+                    {"RSS", "resident memory; shared messages count in each process", 7, 0, false},
+                    {"THREADS", "threads", 7, 2, false},
+                    {"FILES", "open descriptors", 6, 3, false},
+                    {"COMPONENTS", "components that run in it", 16, 1, true}};
+  for (const ProcessRow& row : model.processes) {
+    std::uint64_t threads = 0;
+    for (const ThreadRow& thread : row.threads) {
+      threads += thread.count;
+    }
+    std::string components;
+    for (const std::string& component : row.components) {
+      components += (components.empty() ? "" : ", ") + component;
+    }
+    table.lines.push_back(
+        {row.name,
+         {text_field(row.name),
+          {fmt::format("{}", row.pid), static_cast<double>(row.pid), Tone::kQuiet},
+          cpu_field(row.cpu_percent),
+          number_field(row.rss_bytes, size_text(row.rss_bytes)),
+          number_field(static_cast<double>(threads), count_text(threads)),
+          row.open_files == 0
+              ? Field{"-", kNoNumber, Tone::kQuiet}
+              : number_field(static_cast<double>(row.open_files), count_text(row.open_files)),
+          text_field(std::move(components), Tone::kQuiet)}});
+  }
+  return table;
+}
+
 void keep_matching(Table& table, const std::string& filter) {
   if (filter.empty()) {
     return;

@@ -39,6 +39,7 @@ struct Table {
 [[nodiscard]] Table component_table(const Model& model);
 [[nodiscard]] Table topic_table(const Model& model);
 [[nodiscard]] Table chain_table(const Model& model);
+[[nodiscard]] Table process_table(const Model& model);
 
 /// Keeps the lines whose name or other text contains `filter`, ignoring case.
 void keep_matching(Table& table, const std::string& filter);

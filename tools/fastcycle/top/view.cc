@@ -13,10 +13,12 @@ using Kind = Key::Kind;
 constexpr std::size_t kCpuColumn = 3;
 constexpr std::size_t kRateColumn = 2;
 constexpr std::size_t kBreachColumn = 8;
+constexpr std::size_t kProcessCpuColumn = 2;
 constexpr std::size_t kFilterLongest = 64;
 
 void go_to_page(View& view, const Model& model, std::size_t page) {
-  view.page = static_cast<Page>(page % pages_of(model));
+  const std::vector<Page> pages = pages_of(model);
+  view.page = pages[page % pages.size()];
   view.shows_details = false;
 }
 
@@ -118,7 +120,7 @@ bool press_text(View& view, const std::string& text, const Model& model, int wid
   } else if (text == "k") {
     move(view, model, -1, height);
   } else if (text.size() == 1 && text[0] >= '1' &&
-             text[0] < '1' + static_cast<int>(pages_of(model))) {
+             text[0] < '1' + static_cast<int>(pages_of(model).size())) {
     go_to_page(view, model, static_cast<std::size_t>(text[0] - '1'));
   }
   return true;
@@ -126,8 +128,15 @@ bool press_text(View& view, const std::string& text, const Model& model, int wid
 
 }  // namespace
 
-std::size_t pages_of(const Model& model) {
-  return model.chains.empty() ? kPages - 1 : kPages;
+std::vector<Page> pages_of(const Model& model) {
+  std::vector<Page> pages = {Page::kComponents, Page::kTopics};
+  if (!model.chains.empty()) {
+    pages.push_back(Page::kChains);
+  }
+  if (!model.processes.empty()) {
+    pages.push_back(Page::kProcesses);
+  }
+  return pages;
 }
 
 View first_view() {
@@ -135,13 +144,15 @@ View first_view() {
   view.orders[static_cast<std::size_t>(Page::kComponents)].column = kCpuColumn;
   view.orders[static_cast<std::size_t>(Page::kTopics)].column = kRateColumn;
   view.orders[static_cast<std::size_t>(Page::kChains)].column = kBreachColumn;
+  view.orders[static_cast<std::size_t>(Page::kProcesses)].column = kProcessCpuColumn;
   return view;
 }
 
 Table table_of(const Model& model, const View& view) {
   Table table = view.page == Page::kComponents ? component_table(model)
                 : view.page == Page::kTopics   ? topic_table(model)
-                                               : chain_table(model);
+                : view.page == Page::kChains   ? chain_table(model)
+                                               : process_table(model);
   keep_matching(table, view.filter);
   sort_by(table, view.order().column, view.order().is_reversed);
   return table;
@@ -157,7 +168,9 @@ bool press(View& view, const Key& key, const Model& model, int width, int height
     view.shows_help = false;
     return true;
   }
-  const auto page = static_cast<std::size_t>(view.page);
+  const std::vector<Page> pages = pages_of(model);
+  const auto page =
+      static_cast<std::size_t>(std::ranges::find(pages, view.page) - pages.begin()) % pages.size();
   const int many = std::max(table_rows(height) - 1, 1);
   constexpr int kAll = 1'000'000;  // More rows than any table has.
   switch (key.kind) {
@@ -167,7 +180,7 @@ bool press(View& view, const Key& key, const Model& model, int width, int height
       go_to_page(view, model, page + 1);
       break;
     case Kind::kBackTab:
-      go_to_page(view, model, page + pages_of(model) - 1);
+      go_to_page(view, model, page + pages.size() - 1);
       break;
     case Kind::kEnter:
       show_details(view, model);

@@ -12,11 +12,12 @@
 
 namespace fastcycle::tool::top {
 
-enum class Page : std::uint8_t { kComponents, kTopics, kChains };
-inline constexpr std::size_t kPages = 3;
+enum class Page : std::uint8_t { kComponents, kTopics, kChains, kProcesses };
+inline constexpr std::size_t kPages = 4;
 
-/// The number of pages: the chains have one only if there are any.
-[[nodiscard]] std::size_t pages_of(const Model& model);
+/// The pages in their order: the chains have one only if there are any, the processes if there are
+/// several.
+[[nodiscard]] std::vector<Page> pages_of(const Model& model);
 
 /// The state of the display: all that keys change.
 ///
@@ -43,7 +44,7 @@ struct View {
   [[nodiscard]] const Order& order() const { return orders[static_cast<std::size_t>(page)]; }
 };
 
-/// The initial view: components by CPU, topics by rate, chains by breaches.
+/// The initial view: components and processes by CPU, topics by rate, chains by breaches.
 [[nodiscard]] View first_view();
 
 /// The rows of the view's page as displayed: filtered and sorted.

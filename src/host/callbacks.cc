@@ -1,4 +1,4 @@
-#include "report/callbacks.h"
+#include "host/callbacks.h"
 
 #include "component/component_core.h"
 #include "component/service_topics.h"
@@ -23,19 +23,18 @@ KnownCallback callback_of(const detail::CallbackSubscription& subscription) {
 
 }  // namespace
 
-std::map<std::string, std::vector<KnownCallback>> find_callbacks(const Application& application) {
+std::map<std::string, std::vector<KnownCallback>> find_callbacks(const detail::Topics& topics,
+                                                                 const Components& components) {
   std::map<std::string, std::vector<KnownCallback>> found;
-  application.look_at_topics([&](const detail::Topics& topics) {
-    for (const auto& [name, topic] : topics.all()) {
-      for (const auto& subscription : topic->subscriptions) {
-        if (subscription->is_called()) {
-          found[subscription->component].push_back(
-              callback_of(static_cast<const detail::CallbackSubscription&>(*subscription)));
-        }
+  for (const auto& [name, topic] : topics.all()) {
+    for (const auto& subscription : topic->subscriptions) {
+      if (subscription->is_called()) {
+        found[subscription->component].push_back(
+            callback_of(static_cast<const detail::CallbackSubscription&>(*subscription)));
       }
     }
-  });
-  for (const auto& component : application.components()) {
+  }
+  for (const auto& component : components) {
     for (const detail::TimerStatistics* timer : component->timer_statistics()) {
       found[component->name].push_back({.name = timer->name,
                                         .kind = detail::to_word(timer->cause),

@@ -5,7 +5,8 @@
 #include <vector>
 
 #include "base/histogram.h"
-#include "host/application.h"
+#include "broker/topics.h"
+#include "component/component_host.h"
 
 namespace fastcycle::host {
 
@@ -19,8 +20,10 @@ struct KnownCallback {
 /// All present and past callbacks, by component: of subscriptions in the order of their topics,
 /// then of timers in the order of their declaration.
 ///
+/// Call in `Application::look_at_topics`.
+///
 /// @threads  Safe, between `Application::build` and the application's end.
 [[nodiscard]] std::map<std::string, std::vector<KnownCallback>> find_callbacks(
-    const Application& application);
+    const detail::Topics& topics, const Components& components);
 
 }  // namespace fastcycle::host

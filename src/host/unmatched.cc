@@ -1,4 +1,4 @@
-#include "report/unmatched.h"
+#include "host/unmatched.h"
 
 #include <limits>
 #include <utility>
