@@ -1,4 +1,4 @@
-// The code of docs/guides/looking_inside.md; what the commands say is tested in tests/live.
+// The application of docs/guides/looking_inside.md; what the commands say is tested in tests/live.
 
 #include <gtest/gtest.h>
 
