@@ -30,8 +30,8 @@ struct ProcessUsage {
 ///
 /// @threads  Safe. Does not involve or block the other threads.
 [[nodiscard]] ProcessUsage process_usage();
-/// The same of another process, without `max_files`; none if there is none. The descriptors of
-/// another user's process are not known.
+/// The same of another process, without `max_files`; none if there is none. `open_files` is 0 for a
+/// process that the kernel protects from this one.
 [[nodiscard]] std::optional<ProcessUsage> process_usage(pid_t pid);
 
 }  // namespace fastcycle::inspect

@@ -141,7 +141,7 @@ void write_other_processes(const protocol::Overview& overview, Writer& to) {
   to.begin_gauge("fastcycle_process_virtual_memory_bytes", "bytes", "Its address space.");
   each([](const Process& process) { return process.virtual_kib() * 1024; });
   to.begin_gauge("fastcycle_process_open_fds", "",
-                 "Its open file descriptors; 0 if another user's process hides them.");
+                 "Its open file descriptors; 0 where the kernel does not show them.");
   each([](const Process& process) { return process.open_files(); });
   to.begin_gauge("fastcycle_process_start_time_seconds", "seconds",
                  "When it began, in seconds since 1970.");
