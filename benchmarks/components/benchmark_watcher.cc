@@ -33,7 +33,7 @@ class BenchmarkWatcher final : public fastcycle::Component {
         "stalled",
         {.deadline = deadline_,
          .on_event = [this](const fastcycle::QosEvent& event) { take(event); }},
-        [this](const Payload&) { reported_before_ = reported_; });
+        [](const Payload&) {});
   }
 
   void stop() override {
@@ -50,6 +50,10 @@ class BenchmarkWatcher final : public fastcycle::Component {
     }
     if (number_ == warmup_) {
       at_begin_ = fastcycle::measure::Usage::now();
+    }
+    if (event.since != since_) {
+      since_ = event.since;  // The message itself may still wait in the queue.
+      reported_before_ = reported_;
     }
     // The first period since the last message without an event.
     const auto period = static_cast<std::int64_t>(reported_ - reported_before_) + 1;
@@ -71,7 +75,8 @@ class BenchmarkWatcher final : public fastcycle::Component {
   fastcycle::Source source_;
   std::int64_t number_ = 0;
   std::uint64_t reported_ = 0;         ///< Periods.
-  std::uint64_t reported_before_ = 0;  ///< When the last message came.
+  fastcycle::Time since_;              ///< When the last message was published.
+  std::uint64_t reported_before_ = 0;  ///< Before that message.
   fastcycle::measure::Usage at_begin_;
   fastcycle::measure::Usage usage_;
   fastcycle::measure::Samples samples_;
