@@ -269,10 +269,12 @@ class Limited final : public Component {
   explicit Limited(Context& context)
       : Component(context),
         results_(context.create_publisher<StringValue>("results")),
-        kept_(context.create_publisher<Int64Value>("kept")) {}
+        kept_(context.create_publisher<Int64Value>("kept")),
+        source_(context.create_source()) {}
 
   void serve() override {
-    if (++turn_ > 3) {
+    if (++turn_ > kTurns) {
+      source_.finish();
       return;
     }
     const int observed = observe("first try", [] { return 7; });
@@ -318,8 +320,11 @@ class Limited final : public Component {
     results_.publish(std::move(message));
   }
 
+  static constexpr int kTurns = 3;
+
   Publisher<StringValue> results_;
   Publisher<Int64Value> kept_;
+  Source source_;
   int turn_ = 0;
 };
 
@@ -329,7 +334,7 @@ TEST_F(ExactReplays, RefuseWhatLimitsRefused) {
       "executors": [{"name": "main"}, {"name": "slow"}],
       "components": [
         {"name": "limited", "library": "limited", "executor": "main", "serve_period_ms": 2}]})";
-  record(text, 100ms);
+  record(text, 1min);  // It ends before.
 
   const Results results = replay(text);
 
