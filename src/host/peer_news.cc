@@ -52,10 +52,13 @@ base::HistogramSummary summary_from(const json& said) {
 }
 
 json to_json(const base::HistogramBuckets& buckets) {
-  return {buckets.below, buckets.count, buckets.sum_ns};
+  return buckets.count == 0 ? json() : json{buckets.below, buckets.count, buckets.sum_ns};
 }
 
 base::HistogramBuckets buckets_from(const json& said) {
+  if (said.is_null()) {
+    return {};
+  }
   return {.below = said.at(0), .count = said.at(1), .sum_ns = said.at(2)};
 }
 
@@ -171,6 +174,18 @@ std::string to_text(const ComponentNews& news, bool has_figures) {
     }
   }
   return said.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+/// The same with figures of the component and of each subscription, but without their details.
+ComponentNews without_details(ComponentNews news) {
+  news.elsewhere->callback_buckets = {};
+  news.elsewhere->lateness_buckets = {};
+  news.elsewhere->callbacks.clear();
+  for (FiguresElsewhere::Subscription& subscription : news.elsewhere->subscriptions) {
+    subscription.latency_buckets = {};
+    subscription.unmatched.clear();
+  }
+  return news;
 }
 
 /// None if it is no news: the sending process may be broken. Without figures, those of `before` are
@@ -335,10 +350,21 @@ void PeerNews::send(Its& its) {
   try {
     application_.peers()->send_notice(Notice::Kind::kNews, core.index,
                                       to_text(its.news, has_figures));
-  } catch (const std::length_error&) {  // It has hundreds of subscriptions.
-    application_.peers()->send_notice(Notice::Kind::kNews, core.index, to_text(its.news, false));
+  } catch (const std::length_error&) {  // It has very many subscriptions.
+    send_less(its.news, has_figures);
   }
   its.news.is_urgent = false;
+}
+
+/// Sends as much of `news` as a notice holds, where it does not hold all.
+void PeerNews::send_less(const ComponentNews& news, bool has_figures) {
+  const auto index = static_cast<std::uint32_t>(news.component);
+  try {
+    application_.peers()->send_notice(Notice::Kind::kNews, index,
+                                      to_text(without_details(news), has_figures));
+  } catch (const std::length_error&) {
+    application_.peers()->send_notice(Notice::Kind::kNews, index, to_text(news, false));
+  }
 }
 
 /// Of all components here.

@@ -73,6 +73,7 @@ class PeerNews {
   };
 
   void send(Its& its);
+  void send_less(const ComponentNews& news, bool has_figures);
   void take_figures();
   void receive(std::uint32_t component, ComponentNews news);
   void process_has_ended(const Notice& notice);

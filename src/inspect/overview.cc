@@ -56,11 +56,11 @@ void fill(const base::LogHistogram<kSubBits>& histogram, bool with_buckets,
   }
 }
 
-/// The same, of a component in another process.
+/// The same, of a component in another process, which may have sent no buckets.
 void fill(const base::HistogramSummary& summary, const base::HistogramBuckets& buckets,
           bool with_buckets, protocol::Histogram& said) {
   said.Clear();
-  if (with_buckets) {
+  if (with_buckets && buckets.count >= summary.count) {
     fill(summary, buckets, said);
   } else {
     fill(summary, said);

@@ -233,6 +233,10 @@ class Sink final : public fastcycle::Component {
       : Component(context),
         subscribes_late_(context.param<bool>("subscribes_late", {.fallback = false})),
         relayed_(context.create_latest<Reading>("relayed")) {
+    const auto more = context.param<std::int64_t>("more_subscribers", {.fallback = 0});
+    for (std::int64_t i = 0; i < more.get(); ++i) {
+      context.create_subscriber<Reading>("readings", [](const Reading&) {});
+    }
     context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
       if (reading.value() == 1 && subscribes_late_.get()) {
         this->context().create_subscriber<Reading>("relayed", [](const Reading&) {});

@@ -1096,6 +1096,39 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
   EXPECT_EQ(report()["results"]["gain_of_relay"], 4);
 }
 
+TEST_F(ComponentsInProcesses, AreShownWithAllTheirSubscriptionsHoweverManyTheyAre) {
+  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
+  test::ProcessOptions watched =
+      options(application(R"("process": "relaying")", "", 1'000'000),
+              {"--inspect", "--isolate", "all", "--set", "sink.more_subscribers=170"});
+  watched.environment = environment;
+  Process run(watched);
+  std::size_t shown = 0;
+  const auto end = std::chrono::steady_clock::now() + Process::kLongest;
+  while (shown < 171 && std::chrono::steady_clock::now() < end) {
+    Process asked({.program = FASTCYCLE_PROGRAM,
+                   .arguments = {"top", "--json", "--interval", "100ms", "--app", "several"},
+                   .folder = folder_.path(),
+                   .environment = environment});
+    const int code = asked.wait().exit_code;
+    const json said = json::parse(code == 0 ? asked.output() : "{}", nullptr, false);
+    shown = 0;
+    for (const json& topic : said.value("topics", json::array())) {
+      for (const json& subscriber : topic["subscribers"]) {
+        shown += topic["name"] == "readings" && subscriber["component"] == "sink" &&
+                         subscriber["latency_us"].is_object()
+                     ? 1
+                     : 0;
+      }
+    }
+    std::this_thread::sleep_for(20ms);
+  }
+  run.send(SIGINT);
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_EQ(shown, 171) << run.errors();
+}
+
 TEST_F(ComponentsInProcesses, AreReloadedInTheirProcess) {
   const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   const auto log = folder_ / "log.mcap";
