@@ -174,7 +174,7 @@ void Application::listen_to_peers() {
   };
   peer_news_.on_news = [this](const ComponentNews& news) {
     if (end_reason() == EndReason::kNone) {  // Processes that end with the run have not failed.
-      observers_.changed(news);
+      observers_.changed_elsewhere(news);
       status_.changed_elsewhere(news);
     }
   };

@@ -72,6 +72,11 @@ class Observer {
   /// Whether `changed` is to be called; called once, before the topics are connected.
   [[nodiscard]] virtual bool wants_changes() const { return false; }
 
+  /// News of a component in another process. On the thread that takes notices.
+  ///
+  /// @realtime Must not wait.
+  virtual void changed_elsewhere([[maybe_unused]] const ComponentNews& news) noexcept {}
+
   /// Whether components record the reads of their activations; called once, before the start.
   [[nodiscard]] virtual bool wants_reads() const { return false; }
 

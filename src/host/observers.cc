@@ -100,6 +100,16 @@ void Observers::changed(const ComponentNews& news) noexcept {
   }
 }
 
+void Observers::changed_elsewhere(const ComponentNews& news) noexcept {
+  changed(news);
+  if (is_over_) {
+    return;
+  }
+  for (Observer* observer : observers_) {
+    observer->changed_elsewhere(news);
+  }
+}
+
 void Observers::stop(const Application& application) {
   is_over_ = true;
   for (Observer* observer : observers_) {

@@ -17,7 +17,7 @@ class TimeDriver;
 /// All observers of an application: owns the list of them, and some of them.
 ///
 /// @threads  Confined to the control thread, except `faulted` and `changed`, which are called in
-///           activations.
+///           activations, and `changed_elsewhere`.
 class Observers {
  public:
   Observers() = default;
@@ -40,6 +40,7 @@ class Observers {
   void faulted(std::string_view component, std::string_view what) noexcept;
   [[nodiscard]] bool wants_changes() const noexcept { return !change_observers_.empty(); }
   void changed(const ComponentNews& news) noexcept;
+  void changed_elsewhere(const ComponentNews& news) noexcept;
   /// After this none is called any more.
   void stop(const Application& application);
 

@@ -4,6 +4,7 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -640,12 +641,24 @@ void Tracer::write_figures() {
     const std::lock_guard lock(fault_mutex_);
     figures.swap(figures_);
   }
+  if (figures.empty()) {
+    return;
+  }
+  std::set<std::string> known;
+  application_->look_at_topics([&](const detail::Topics& topics) {
+    for (const auto& [name, topic] : topics.all()) {
+      known.insert(name);
+    }
+  });
   for (const auto& [component, note] : figures) {
     if (component >= components_.size()) {
       continue;
     }
     std::map<std::string, std::size_t> numbers;
     for (const host::FiguresElsewhere::Subscription& subscription : note.subscriptions) {
+      if (!known.contains(subscription.topic)) {
+        continue;  // A hostile process could name any number of topics.
+      }
       const auto [place, is_new] = queues_elsewhere_.try_emplace(
           {component, subscription.topic, numbers[subscription.topic]++});
       if (is_new) {
@@ -683,7 +696,7 @@ void Tracer::write_figures(std::int64_t time_ns, QueueElsewhere& queue,
 }
 
 /// Keeps the newest figures of a component in another process.
-void Tracer::changed(const host::ComponentNews& news) noexcept {
+void Tracer::changed_elsewhere(const host::ComponentNews& news) noexcept {
   if (!news.elsewhere || !takes_news_.load(std::memory_order_acquire)) {
     return;
   }

@@ -75,8 +75,7 @@ class Tracer final : public host::Observer {
   void start(const host::ObserverView& view, std::vector<base::Refusal>& refusals) override;
   void round_ended(std::uint32_t step) override;
   void faulted(std::string_view component, std::string_view what) noexcept override;
-  [[nodiscard]] bool wants_changes() const override { return true; }
-  void changed(const host::ComponentNews& news) noexcept override;
+  void changed_elsewhere(const host::ComponentNews& news) noexcept override;
   [[nodiscard]] bool wants_overflows() const override { return true; }
   void overflowed(const detail::Subscription& subscription) noexcept override;
   void stop(const host::Application& application) override;

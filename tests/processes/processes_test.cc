@@ -59,6 +59,22 @@ class ComponentsInProcesses : public testing::Test {
     return json::parse(test::read_file(folder_ / "report"), nullptr, false);
   }
 
+  /// As the environment of a run, makes `ask` find it.
+  [[nodiscard]] std::vector<std::string> environment() const {
+    return {"XDG_RUNTIME_DIR=" + folder_.path().string()};
+  }
+
+  /// What a tool prints of the application: its output, or its errors if it fails.
+  [[nodiscard]] std::pair<int, std::string> ask(std::vector<std::string> words) const {
+    words.insert(words.end(), {"--app", "several"});
+    Process asked({.program = FASTCYCLE_PROGRAM,
+                   .arguments = words,
+                   .folder = folder_.path(),
+                   .environment = environment()});
+    const int code = asked.wait().exit_code;
+    return {code, code == 0 ? asked.output() : asked.errors()};
+  }
+
   test::Folder folder_;
 };
 
@@ -984,24 +1000,19 @@ TEST_F(ComponentsInProcesses, CannotSubscribeLateToWhatComesFromAnotherOne) {
 }
 
 TEST_F(ComponentsInProcesses, HaveLatencyChainsThatToolsShowWhereverTheyEnd) {
-  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   test::ProcessOptions watched =
       options(application(R"("process": "relaying")",
                           R"("chains": [{"name": "whole", "from": "readings", "to": "relayed",
                                  "deadline_ms": 1000}], )",
                           1'000'000),
               {"--inspect", "--isolate", "all"});
-  watched.environment = environment;
+  watched.environment = environment();
   Process run(watched);
   json shown = json::object();
   const auto end = std::chrono::steady_clock::now() + Process::kLongest;
   while (shown.value("count", 0) < 20 && std::chrono::steady_clock::now() < end) {
-    Process asked({.program = FASTCYCLE_PROGRAM,
-                   .arguments = {"chain", "whole", "--json", "--app", "several"},
-                   .folder = folder_.path(),
-                   .environment = environment});
-    const int code = asked.wait().exit_code;
-    const json said = json::parse(code == 0 ? asked.output() : "[]", nullptr, false);
+    const auto [code, text] = ask({"chain", "whole", "--json"});
+    const json said = json::parse(code == 0 ? text : "[]", nullptr, false);
     shown = said.is_array() && !said.empty() ? said[0] : json::object();
     std::this_thread::sleep_for(20ms);
   }
@@ -1018,21 +1029,12 @@ TEST_F(ComponentsInProcesses, HaveLatencyChainsThatToolsShowWhereverTheyEnd) {
 }
 
 TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
-  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   test::ProcessOptions watched =
       options(application(R"("process": "relaying")", "", 1'000'000),
               {"--inspect", "--inspect-allow", "params", "--inspect-allow", "lifecycle"});
-  watched.environment = environment;
+  watched.environment = environment();
   Process run(watched);
-  const auto tool = [&](std::vector<std::string> words) {
-    words.insert(words.end(), {"--app", "several"});
-    Process asked({.program = FASTCYCLE_PROGRAM,
-                   .arguments = words,
-                   .folder = folder_.path(),
-                   .environment = environment});
-    const int code = asked.wait().exit_code;
-    return std::pair(code, code == 0 ? asked.output() : asked.errors());
-  };
+  const auto tool = [&](const std::vector<std::string>& words) { return ask(words); };
   const auto relay = [&]() -> json {
     const auto [code, said] = tool({"top", "--json", "--interval", "100ms"});
     const json shown = json::parse(code == 0 ? said : "{}", nullptr, false);
@@ -1097,21 +1099,16 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
 }
 
 TEST_F(ComponentsInProcesses, AreShownWithAllTheirSubscriptionsHoweverManyTheyAre) {
-  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   test::ProcessOptions watched =
       options(application(R"("process": "relaying")", "", 1'000'000),
               {"--inspect", "--isolate", "all", "--set", "sink.more_subscribers=170"});
-  watched.environment = environment;
+  watched.environment = environment();
   Process run(watched);
   std::size_t shown = 0;
   const auto end = std::chrono::steady_clock::now() + Process::kLongest;
   while (shown < 171 && std::chrono::steady_clock::now() < end) {
-    Process asked({.program = FASTCYCLE_PROGRAM,
-                   .arguments = {"top", "--json", "--interval", "100ms", "--app", "several"},
-                   .folder = folder_.path(),
-                   .environment = environment});
-    const int code = asked.wait().exit_code;
-    const json said = json::parse(code == 0 ? asked.output() : "{}", nullptr, false);
+    const auto [code, text] = ask({"top", "--json", "--interval", "100ms"});
+    const json said = json::parse(code == 0 ? text : "{}", nullptr, false);
     shown = 0;
     for (const json& topic : said.value("topics", json::array())) {
       for (const json& subscriber : topic["subscribers"]) {
@@ -1121,7 +1118,6 @@ TEST_F(ComponentsInProcesses, AreShownWithAllTheirSubscriptionsHoweverManyTheyAr
                      : 0;
       }
     }
-    std::this_thread::sleep_for(20ms);
   }
   run.send(SIGINT);
   EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
@@ -1130,18 +1126,17 @@ TEST_F(ComponentsInProcesses, AreShownWithAllTheirSubscriptionsHoweverManyTheyAr
 }
 
 TEST_F(ComponentsInProcesses, AreReloadedInTheirProcess) {
-  const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   const auto log = folder_ / "log.mcap";
   test::ProcessOptions watched =
       options(application(R"("process": "relaying")", "", 1'000'000),
               {"--inspect", "--inspect-allow", "reload", "--record", log.string()});
-  watched.environment = environment;
+  watched.environment = environment();
   Process run(watched);
   const auto tool = [&](std::vector<std::string> words) {
     Process asked({.program = FASTCYCLE_PROGRAM,
                    .arguments = words,
                    .folder = folder_.path(),
-                   .environment = environment});
+                   .environment = environment()});
     const int code = asked.wait().exit_code;
     return std::pair(code, asked.output() + asked.errors());
   };
