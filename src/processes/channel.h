@@ -13,6 +13,7 @@ enum class Word : char {
   kConnect = 'c',      ///< To it: all processes are built; connect to what they publish.
   kConnected = 'd',    ///< From it: it is connected.
   kRun = 'r',          ///< To it: all are connected; start.
+  kStarted = 't',      ///< From it: its components are started.
   kSourcesOver = 's',  ///< From it: all its sources have finished.
   kSwitch = 'w',       ///< From the main one: the named process hands over to its standby.
   kEnd = 'e',          ///< In both directions, with the reason: the run ends.

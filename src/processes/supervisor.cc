@@ -104,11 +104,12 @@ std::string apply(const config::ProcessDescription& process) {
 }  // namespace
 
 Supervisor::Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work,
-                       Report report)
+                       Report report, Milestones milestones)
     : plan_(plan),
       wire_(segments, plan.wire()),
       work_(std::move(work)),
       report_(std::move(report)),
+      milestones_(std::move(milestones)),
       its_(plan.count()) {
   result_.reports.resize(plan.count());
   result_.restarts.resize(plan.count());
@@ -141,7 +142,7 @@ bool Supervisor::fork_one(ProcessIndex process) {
   }
   its.report = report;
   ++its.incarnation;
-  its.is_built = its.is_connected = its.is_running = false;
+  its.is_built = its.is_connected = its.is_running = its.has_started = false;
   its.silence_ns = 0;
   if (const auto other = plan_.other_of(process)) {
     const bool follows = plan_.shadow_in(process) != nullptr ||
@@ -235,6 +236,9 @@ void Supervisor::receive(ProcessIndex process) {
     case Word::kConnected:
       its.is_connected = true;
       break;
+    case Word::kStarted:
+      its.has_started = true;
+      break;
     case Word::kSourcesOver:
       its.has_sources = false;
       end_if_sources_finished();
@@ -289,6 +293,10 @@ void Supervisor::proceed() {
     }
     return;
   }
+  if (!have_all_started_ && !is_ending_ && all(&Its::has_started)) {
+    have_all_started_ = true;
+    milestones_.on_started();
+  }
   for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
     Its& its = its_[process];
     if (its.pid > 0 && its.is_built && wire_.incarnation(process).load() != its.incarnation) {
@@ -324,6 +332,7 @@ void Supervisor::end_all(const std::string& reason) {
   if (std::exchange(is_ending_, true)) {
     return;
   }
+  milestones_.on_ending();
   for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
     wire_.restarting(process).store(0, std::memory_order_seq_cst);
   }

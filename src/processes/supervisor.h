@@ -28,8 +28,15 @@ class Supervisor {
                                  Channel channel, int report)>;
   /// Called with messages for the user.
   using Report = std::function<void(const std::string& sentence)>;
+  /// Called once each: when the components of all processes are started, and when they begin to
+  /// stop.
+  struct Milestones {
+    std::function<void()> on_started = [] {};
+    std::function<void()> on_ending = [] {};
+  };
 
-  Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Report report);
+  Supervisor(const ProcessPlan& plan, segment::Segments& segments, Work work, Report report,
+             Milestones milestones);
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
   ~Supervisor();
@@ -56,6 +63,7 @@ class Supervisor {
     bool is_built = false;
     bool is_connected = false;
     bool is_running = false;
+    bool has_started = false;        ///< Its components.
     bool is_active = false;          ///< Of a pair: it was started as the active one.
     bool has_sources = false;        ///< Unfinished ones.
     std::int64_t restart_at_ns = 0;  ///< 0: no restart pending.
@@ -95,9 +103,11 @@ class Supervisor {
   const segment::Wire wire_;
   const Work work_;
   const Report report_;
+  const Milestones milestones_;
   std::vector<Its> its_;  ///< By process; the first is unused.
   int signals_ = -1;
   bool is_started_ = false;
+  bool have_all_started_ = false;  ///< Their components.
   bool has_had_sources_ = false;
   bool is_ending_ = false;
   std::int64_t kill_at_ns_ = 0;  ///< 0: no deadline.

@@ -1,6 +1,9 @@
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <csignal>
+#include <cstddef>
+#include <cstring>
 #include <fstream>
 #include <initializer_list>
 #include <sstream>
@@ -13,7 +16,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
 
 #include "config/test_folder.h"
 #include "fastcycle/version.h"
@@ -166,6 +172,103 @@ TEST_P(LauncherOnSignal, RunEndsInOrderWithReport) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Stop, LauncherOnSignal, testing::Values(SIGINT, SIGTERM, SIGHUP));
+
+/// A service manager that waits for news of what it started.
+class ServiceManager {
+ public:
+  /// `name` as in `NOTIFY_SOCKET`: of a file, or with '@' of the abstract namespace.
+  explicit ServiceManager(std::string name)
+      : name_(std::move(name)), socket_(socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    std::ranges::copy(name_, address.sun_path);
+    if (name_.front() == '@') {
+      address.sun_path[0] = '\0';
+    }
+    EXPECT_EQ(bind(socket_, reinterpret_cast<const sockaddr*>(&address),
+                   static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + name_.size())),
+              0);
+    const timeval limit{.tv_sec = Process::kLongest.count(), .tv_usec = 0};
+    setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
+    const int yes = 1;
+    setsockopt(socket_, SOL_SOCKET, SO_PASSCRED, &yes, sizeof(yes));
+  }
+  ServiceManager(const ServiceManager&) = delete;
+  ServiceManager& operator=(const ServiceManager&) = delete;
+  ~ServiceManager() { close(socket_); }
+
+  [[nodiscard]] std::string variable() const { return "NOTIFY_SOCKET=" + name_; }
+
+  /// The next news, which systemd takes from the process alone that it started; "" if none comes.
+  [[nodiscard]] std::string news_of(pid_t process) const {
+    std::array<char, 256> text{};
+    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(ucred))> control{};
+    iovec part{text.data(), text.size()};
+    msghdr message{};
+    message.msg_iov = &part;
+    message.msg_iovlen = 1;
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    const ssize_t size = recvmsg(socket_, &message, 0);
+    if (size <= 0) {
+      return "";
+    }
+    const cmsghdr* const header = CMSG_FIRSTHDR(&message);
+    if (header == nullptr || header->cmsg_type != SCM_CREDENTIALS) {
+      return "without the sender";
+    }
+    ucred sender{};
+    std::memcpy(&sender, CMSG_DATA(header), sizeof(sender));
+    const std::string news(text.data(), static_cast<std::size_t>(size));
+    return sender.pid == process ? news : news + " of another process";
+  }
+
+ private:
+  const std::string name_;
+  const int socket_;
+};
+
+/// Words of the command line.
+class LauncherAsAService : public Launcher,
+                           public testing::WithParamInterface<std::vector<std::string>> {};
+
+TEST_P(LauncherAsAService, ReportsToTheServiceManagerThatItHasStartedAndThatItStops) {
+  const auto is_there = [&](const std::string& name) {
+    write_application({kCounter, kAdder});
+    const ServiceManager manager(name);
+    test::ProcessOptions options = started_with(run_words(GetParam()));
+    options.environment.push_back(manager.variable());
+    Process program(options);
+
+    EXPECT_EQ(manager.news_of(program.pid()), "READY=1") << program.errors();
+    program.send(SIGINT);
+    EXPECT_EQ(manager.news_of(program.pid()), "STOPPING=1") << program.errors();
+
+    EXPECT_EQ(take(program), 0) << errors_;
+  };
+  is_there((folder_ / "manager").string());
+  is_there("@fastcycle_launcher_test_" + std::to_string(getpid()));
+}
+
+TEST_P(LauncherAsAService, RunsWithoutAServiceManagerThatReads) {
+  write_application({kCounter, kAdder});
+  for (const std::string& name : {(folder_ / "nobody").string(), std::string("@fastcycle_nobody"),
+                                  std::string(500, 'x'), std::string()}) {
+    std::vector<std::string> words = run_words(GetParam());
+    words.insert(words.end(), {"--for", "20ms"});
+    test::ProcessOptions options = started_with(words);
+    options.environment.push_back("NOTIFY_SOCKET=" + name);
+    Process program(options);
+    EXPECT_EQ(take(program), 0) << errors_;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(In, LauncherAsAService,
+                         testing::Values(std::vector<std::string>{},
+                                         std::vector<std::string>{"--isolate", "all"}),
+                         [](const auto& words) {
+                           return words.param.empty() ? "OneProcess" : "Processes";
+                         });
 
 TEST_F(Launcher, SimulatedRunEndsInOrderOnCtrlC) {
   write_application({kCounter, kAdder});

@@ -11,6 +11,7 @@ import os
 import pathlib
 import random
 import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -26,14 +27,14 @@ def fail(text):
     sys.exit(f"{pathlib.Path(sys.argv[0]).stem}: {text}")
 
 
-def wait_for(what, condition, limit_s):
+def wait_for(what, condition, limit_s, more=lambda: ""):
     end = time.monotonic() + limit_s
     while time.monotonic() < end:
         found = condition()
         if found is not None:
             return found
         time.sleep(0.001)
-    fail(f"{what}: not within {limit_s} s")
+    fail(f"{what}: not within {limit_s} s{more()}")
 
 
 def children_of(pid):
@@ -76,24 +77,30 @@ def drive(program, application, folder, rng, seconds, clock):
     """One drive with kills. Returns how long each restart took, and how often each process was killed."""
     report = folder / "report.json"
     log = folder / "log.txt"
+    manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    manager.bind(str(folder / "manager"))
+    manager.settimeout(60)
     with log.open("w") as out:
         run = subprocess.Popen(
             [program, "run", application, "--isolate", "all", "--overlay", str(folder / "overlay.json"), "--quiet", "--report", str(report),
-             "--for", f"{seconds}s", "--clock", clock], stdout=out, stderr=subprocess.STDOUT, cwd=folder)
+             "--for", f"{seconds}s", "--clock", clock], stdout=out, stderr=subprocess.STDOUT, cwd=folder,
+            env={**os.environ, "NOTIFY_SOCKET": str(folder / "manager")})
     try:
+        try:
+            news = manager.recv(100)  # A process that ends before the start ends all.
+        except TimeoutError:
+            news = b"nothing"
+        if news != b"READY=1":
+            fail(f"the run reports {news.decode()} at its start:\n{log.read_text()}")
         expected = {entry["name"][:15] for entry in json.loads((folder / "overlay.json").read_text())["processes"]} | {"main"}
-        def all_there():
-            if run.poll() is not None:
-                fail(f"the run ended with {run.returncode} at its start:\n{log.read_text()}")
-            there = children_of(run.pid)
-            return there if set(there) == expected else None
-        there = wait_for("all processes", all_there, 60)
-        time.sleep(1)  # Who ends before the start ends all.
+        there = children_of(run.pid)
+        if set(there) != expected:
+            fail(f"the run has started with the processes {set(there)}, not {expected}:\n{log.read_text()}")
         began = time.monotonic()
         times, kills = [], collections.Counter()
         for _ in range(KILLS_PER_DRIVE):
             time.sleep(rng.uniform(0, seconds / KILLS_PER_DRIVE))
-            is_late = clock == "live" and time.monotonic() > began + seconds - 2 * HEARTBEAT_MS / 1e3
+            is_late = clock == "live" and time.monotonic() > began + seconds - 3 * HEARTBEAT_MS / 1e3
             if run.poll() is not None or is_late:
                 break
             name = rng.choice(sorted(expected - {"main"}))
@@ -111,7 +118,7 @@ def drive(program, application, folder, rng, seconds, clock):
                     fail(f"the run ended with {run.returncode} after {how.name} of {name}:\n{log.read_text()}")
                 now = children_of(run.pid)
                 return now if now.get(name, there[name]) != there[name] else None
-            now = wait_for(f"{name} after {how.name}", again, RESTARTED_WITHIN_S)
+            now = wait_for(f"{name} after {how.name}", again, RESTARTED_WITHIN_S, lambda: f":\n{log.read_text()}")
             if now == "over":
                 kills[name] -= 1  # Where it had ended, it was not restarted any more.
                 break
@@ -126,6 +133,7 @@ def drive(program, application, folder, rng, seconds, clock):
         except subprocess.TimeoutExpired:
             fail(f"the run does not end:\n{log.read_text()}")
     finally:
+        manager.close()
         if run.poll() is None:
             run.kill()
             run.wait()
@@ -139,9 +147,9 @@ def drive(program, application, folder, rng, seconds, clock):
 
 
 def was_over(name, log):
-    """A simulated drive ends when it is over, which may be while a process is killed: then it is not restarted."""
+    """A simulated drive ends when it is over, which may be while a process is killed or stopped: then it is not restarted."""
     lines = [line for line in log.splitlines() if line.startswith(f'fastcycle run: process "{name}')]
-    return not lines or lines[-1].endswith(")")
+    return not lines or lines[-1].endswith((")", "has not come to its end; it is ended"))
 
 
 def judge(report, kills, log):

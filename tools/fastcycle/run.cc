@@ -54,6 +54,7 @@
 #include "report_file.h"
 #include "sandbox/refusals.h"
 #include "sandbox/sandbox.h"
+#include "service_manager.h"
 #include "stop_signals.h"
 #include "terminal_keys.h"
 #include "terminal_modes.h"
@@ -348,10 +349,17 @@ std::string carry_out(host::Application& application, const RunOptions& options,
     application.stop();
     return "refused by the machine";
   }
+  if (role != nullptr) {
+    role->channel.send(processes::Word::kStarted);
+  } else {
+    report_started();
+  }
   progress.start(application);
   application.run(limit);
   if (role != nullptr) {
     role->channel.send(processes::Word::kEnd, host::to_word(application.end_reason()));
+  } else {
+    report_stopping();
   }
   end_bound.begin_within({});
   application.stop();
@@ -795,7 +803,8 @@ int run_processes(const config::ApplicationDescription& description, const host:
     std::fflush(nullptr);
     std::_Exit(code);
   };
-  processes::Supervisor supervisor(plan, segments, work, print_problem);
+  processes::Supervisor supervisor(plan, segments, work, print_problem,
+                                   {.on_started = report_started, .on_ending = report_stopping});
   const auto began = std::chrono::steady_clock::now();
   const processes::Supervisor::Result result = supervisor.run();
   std::vector<host::RunReport> parts;
