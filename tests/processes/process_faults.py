@@ -23,30 +23,33 @@ import time
 
 from kills import children_of, fail, names_of
 
-SECONDS = 22  # On a busy machine a leak takes seconds to reach its limit.
+SECONDS = 22
 FIRST_S, APART_S, FAULTS = 1.5, 1.3, 10
+LEAKS_IN = 7  # Of the faults; later ones would end after the drive.
 HANG_LIMIT_MS = 1000
-MEMORY_MB, LEAK_MB = 700, 1000
+MEMORY_MB, MEMORY_OF_SHORT_MB, LEAK_MB = 700, 300, 1000  # To fill it takes many seconds on a busy machine.
 LEFT_OVER_MB = 150  # Of memory that a restarted process may use more than its predecessor.
 HUNG = re.compile(r'component "([^"]+)": .* has not returned for .*; its process ends now')
 KINDS = ["kill", "crash", "leak", "hang"]
 
 
 def overlay(names, faults, has_hangs, path):
+    memory_mb = MEMORY_MB if has_hangs else MEMORY_OF_SHORT_MB
     path.write_text(json.dumps({
         "record": {"file": "log.mcap", "except": ["lidar/points", "world/scene"]},
         "components": [{"name": name, "on_fault": "restart", "restart": {"limit": 0, "then": "process"},
                         "callback_limit_ms": HANG_LIMIT_MS if has_hangs else 0, "on_hang": "end_process"} for name in names],
-        "processes": [{"name": name, "on_exit": "restart", "restart": {"limit": 1000}, "memory_mb": MEMORY_MB} for name in names],
+        "processes": [{"name": name, "on_exit": "restart", "restart": {"limit": 1000}, "memory_mb": memory_mb} for name in names],
         **({"faults": {"list": faults}} if faults else {})}))
 
 
 def draw(names, has_hangs, rng):
     faults = []
     for i in range(FAULTS):
-        # One that is about to restart has no further fault.
-        name = rng.choice([one for one in names if one not in [target_of(fault) for fault in faults[-3:]]])
-        kind = rng.choice(KINDS if has_hangs else KINDS[:-1])
+        # One that is about to restart has no further fault, and on a busy machine a leak takes many seconds.
+        name = rng.choice([one for one in names if one not in map(target_of, faults)])
+        kinds = [kind for kind in KINDS if (kind != "hang" or has_hangs) and (kind != "leak" or i < LEAKS_IN)]
+        kind = rng.choice(kinds)
         fault = {"kind": kind, "from_s": round(FIRST_S + i * APART_S + rng.uniform(0, 0.3), 3)}
         fault["process" if kind == "kill" else "component"] = name
         if kind == "hang":

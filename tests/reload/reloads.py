@@ -5,11 +5,13 @@ The vehicle has to reach its goal. A faulty version throws, hangs, or is late, a
 some are rolled back on request, and all else stay. Nothing that was published for the module is lost: every ledger adds
 up, and none has messages that were dropped because the module was not there. Over 150 s there are at least 200 of them.
 
-The clock of the application goes slower, so that there is time for as many. With --isolate each module has a process.
+The clock of the application goes slower, so that there is time for as many. Where data are too old for modules, and the
+goal is missed, the drive is repeated at half the rate. With --isolate each module has a process.
 """
 import json
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -23,6 +25,8 @@ SCENARIO = ROOT / "ads/data/commonroad/USA_US101-23_1_T-1.xml"
 DRIVE_S = 10.0  # Of the application's time; the scenario's drive takes somewhat longer.
 FAULTS = ("exception", "hang", "slow")
 ROLLED_BACK_WITHIN_S = 60
+SHORTEST_S = 30  # Of a drive.
+MOST_DRIVES = 3
 ABSENT = ("inactive", "fault", "unsubscribed")  # Why something is dropped that came for a module which was not there.
 
 
@@ -31,12 +35,12 @@ def fail(text):
 
 
 class Run:
-    def __init__(self, program, application, folder, seconds, is_isolated):
+    def __init__(self, program, application, folder, rate, is_isolated):
         self.program, self.folder = program, folder
         # Deadlines that other processes see are not counted.
         self.faults = [fault for fault in FAULTS if not (is_isolated and fault == "slow")]
         self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder)}  # Beside no other run.
-        self.rate = min(1.0, max(0.05, DRIVE_S / seconds))
+        self.rate = rate
         overlay = folder / "overlay.json"
         overlay.write_text(json.dumps({
             "inspect": {"allow": ["reload"]},
@@ -130,10 +134,23 @@ def drive(run, counts):
             counts["late"] += 1  # The machine was too busy for its deadlines: rolled back rightly.
 
 
+def verdict_of(run):
+    return evaluate_drive.judge(evaluate_drive.ElementTree.parse(SCENARIO).getroot(), evaluate_drive.read_rows(run.folder / "out.csv"), True)
+
+
+def has_reached_its_goal(verdict):
+    return verdict["goal_step"] is not None and not verdict["touched"] and not verdict["rows_off_road"]
+
+
+def was_too_slow(run):
+    """Whether modules found data too old, in a drive that missed its goal: the machine is too busy for its rate."""
+    return not has_reached_its_goal(verdict_of(run)) and re.search(r"ms old, more than|for what was seen", run.log.read_text())
+
+
 def judge(run, counts):
     report = json.loads((run.folder / "report.json").read_text())
-    verdict = evaluate_drive.judge(evaluate_drive.ElementTree.parse(SCENARIO).getroot(), evaluate_drive.read_rows(run.folder / "out.csv"), True)
-    if verdict["goal_step"] is None or verdict["touched"] or verdict["rows_off_road"]:
+    verdict = verdict_of(run)
+    if not has_reached_its_goal(verdict):
         fail(f"the goal was not reached: {report['results'].get('verdict')}: {verdict}\n{run.log.read_text()[-3000:]}")
     for name, topic in report["topics"].items():
         for subscriber in topic["subscribers"]:
@@ -154,20 +171,26 @@ def main():
     if len(words) != 3:
         sys.exit(__doc__)
     program, application, seconds = str(pathlib.Path(words[0]).resolve()), str(pathlib.Path(words[1]).resolve()), float(words[2])
-    counts = {"reloads": 0, "faulty": 0, "asked": 0, "late": 0}
-    with tempfile.TemporaryDirectory() as folder:
-        run = Run(program, application, pathlib.Path(folder), seconds, "--isolate" in sys.argv)
-        begin = time.monotonic()
-        try:
-            drive(run, counts)
-        finally:
-            if not run.is_over():
-                run.process.kill()
-            run.process.wait()
-        took_s = time.monotonic() - begin
-        if run.process.returncode != 0:
-            fail(f"exit code {run.process.returncode}:\n{run.log.read_text()[-3000:]}")
-        report = judge(run, counts)
+    rate = min(1.0, max(0.05, DRIVE_S / max(seconds, SHORTEST_S)))
+    for number in range(1, MOST_DRIVES + 1):
+        counts = {"reloads": 0, "faulty": 0, "asked": 0, "late": 0}
+        with tempfile.TemporaryDirectory() as folder:
+            run = Run(program, application, pathlib.Path(folder), rate, "--isolate" in sys.argv)
+            begin = time.monotonic()
+            try:
+                drive(run, counts)
+            finally:
+                if not run.is_over():
+                    run.process.kill()
+                run.process.wait()
+            took_s = time.monotonic() - begin
+            if run.process.returncode != 0:
+                fail(f"exit code {run.process.returncode}:\n{run.log.read_text()[-3000:]}")
+            if number == MOST_DRIVES or not was_too_slow(run):
+                report = judge(run, counts)
+                break
+        print(f"reloads: the machine is too busy for rate {rate:.2f}: again at half of it", flush=True)
+        rate /= 2
     if seconds >= 150 and counts["reloads"] < 200:
         fail(f"only {counts['reloads']} reloads in {took_s:.0f} s")
     print(f"{counts['reloads']} reloads in a drive of {report['time_s']:.1f} s ({took_s:.0f} s), goal reached: {counts['faulty']} faulty ones "
