@@ -120,5 +120,5 @@ endfunction()
 function(fastcycle_discover_tests target prefix labels)
   include(GoogleTest)
   gtest_discover_tests(${target} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    TEST_PREFIX "${prefix}" PROPERTIES LABELS "${labels}" TIMEOUT 120)
+    TEST_PREFIX "${prefix}" PROPERTIES LABELS "${labels}" TIMEOUT 300)
 endfunction()
