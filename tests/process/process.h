@@ -41,7 +41,7 @@ struct Ending {
 /// @threads  Confined to the test.
 class Process {
  public:
-  static constexpr std::chrono::seconds kLongest{60};
+  static constexpr std::chrono::seconds kLongest{180};
 
   explicit Process(const ProcessOptions& options);
   Process(const Process&) = delete;
