@@ -293,10 +293,7 @@ void Supervisor::proceed() {
     }
     return;
   }
-  if (!have_all_started_ && !is_ending_ && all(&Its::has_started)) {
-    have_all_started_ = true;
-    milestones_.on_started();
-  }
+  report_if_all_started();
   for (ProcessIndex process = ProcessPlan::kMain; process < plan_.count(); ++process) {
     Its& its = its_[process];
     if (its.pid > 0 && its.is_built && wire_.incarnation(process).load() != its.incarnation) {
@@ -308,6 +305,16 @@ void Supervisor::proceed() {
       its.is_running = true;
       its.channel.send(is_ending_ ? Word::kEnd : Word::kRun, "requested");
     }
+  }
+}
+
+/// Processes that ended and are not restarted do not count.
+void Supervisor::report_if_all_started() {
+  const bool are_all = std::ranges::all_of(
+      its_.begin() + ProcessPlan::kMain, its_.end(),
+      [](const Its& its) { return its.has_started || (its.pid < 0 && its.restart_at_ns == 0); });
+  if (is_started_ && !is_ending_ && are_all && !std::exchange(have_all_started_, true)) {
+    milestones_.on_started();
   }
 }
 
@@ -452,6 +459,7 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
       report_(what + "; the others go on without it");
       its.has_sources = false;
       end_if_sources_finished();
+      report_if_all_started();
       return;
     case config::OnExit::kRestart: {
       const config::RestartDescription& restart = description.restart;

@@ -83,6 +83,7 @@ class Supervisor {
   void receive(segment::ProcessIndex process);
   void end_for_standby(const std::string& name);
   void proceed();
+  void report_if_all_started();
   void take_signal();
   void take_end(segment::ProcessIndex process);
   void note_join(segment::ProcessIndex process);

@@ -112,7 +112,7 @@ def drive(program, application, folder, rng, seconds, clock):
                 break  # The drive is over.
             kills[name] += 1
             def again():
-                if run.poll() is not None and clock == "simulated" and was_over(name, log.read_text()):
+                if run.poll() is not None and clock == "simulated" and was_over(name, how, log.read_text()):
                     return "over"
                 if run.poll() is not None:
                     fail(f"the run ended with {run.returncode} after {how.name} of {name}:\n{log.read_text()}")
@@ -146,10 +146,12 @@ def drive(program, application, folder, rng, seconds, clock):
     return times, kills
 
 
-def was_over(name, log):
-    """A simulated drive ends when it is over, which may be while a process is killed or stopped: then it is not restarted."""
+def was_over(name, how, log):
+    """A simulated drive ends when it is over, which may be while a process is killed: then it is not restarted, and one that
+    is stopped is ended after a while."""
     lines = [line for line in log.splitlines() if line.startswith(f'fastcycle run: process "{name}')]
-    return not lines or lines[-1].endswith((")", "has not come to its end; it is ended"))
+    ends = (")", "has not come to its end; it is ended") if how == signal.SIGSTOP else ")"
+    return not lines or lines[-1].endswith(ends)
 
 
 def judge(report, kills, log):
