@@ -185,6 +185,12 @@ bool Supervisor::may_be_followed(ProcessIndex process) const {
          (its_[process].is_active || words.epoch.load() > 0 || words.is_in_step.load() != 0);
 }
 
+/// Whether it is a standby or a shadow, and has not taken over.
+bool Supervisor::only_follows(ProcessIndex process) const {
+  return plan_.other_of(process) && !its_[process].is_active &&
+         wire_.standby(process, its_[process].incarnation).epoch.load() == 0;
+}
+
 void Supervisor::work_in_child(ProcessIndex process, Channel channel) {
   // Signals from a terminal go to the supervisor alone, which forwards them.
   setpgid(0, 0);
@@ -479,7 +485,7 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
         restart_due();
         return;
       }
-      if (restart.then == config::AfterRestarts::kContinue) {
+      if (restart.then == config::AfterRestarts::kContinue || only_follows(process)) {
         report_(
             fmt::format("{}, after {} restarts; the others go on without it", what, its.restarts));
         its.has_sources = false;

@@ -78,6 +78,7 @@ class Supervisor {
 
   bool fork_one(segment::ProcessIndex process);
   [[nodiscard]] bool may_be_followed(segment::ProcessIndex process) const;
+  [[nodiscard]] bool only_follows(segment::ProcessIndex process) const;
   [[noreturn]] void work_in_child(segment::ProcessIndex process, Channel channel);
   void announce(segment::ProcessIndex process, std::uint32_t incarnation);
   void receive(segment::ProcessIndex process);

@@ -53,6 +53,12 @@ std::function<void()> step_to_repeat(detail::ComponentCore& core,
   return {};
 }
 
+bool is_frame(const FollowedActivation& activation) {
+  return std::ranges::any_of(activation.reads, [](const auto& entry) {
+    return entry.read.kind == ReadKind::kFrameNumber;
+  });
+}
+
 /// The newest lane of that publisher: a subscription that ended and was created again has older
 /// ones.
 std::shared_ptr<Lane> lane_of(const detail::Subscription& subscription, PublisherId publisher) {
@@ -216,10 +222,10 @@ void FollowedComponent::pop() {
 
 /// Checks whether it can begin after this activation; false if it must wait for that.
 bool FollowedComponent::seek(detail::ActivationRing& ring, const FollowedActivation& activation) {
-  const bool is_frame = std::ranges::any_of(activation.reads, [](const auto& entry) {
-    return entry.read.kind == ReadKind::kFrameNumber;
-  });
-  const Input input = is_frame ? find_frame(activation) : Input::kLost;
+  Input input = is_frame(activation) ? find_frame(activation) : Input::kLost;
+  if (input == Input::kThere) {
+    input = find_after_frame();
+  }
   if (input == Input::kNotYet) {
     return false;
   }
@@ -259,6 +265,51 @@ FollowedComponent::Input FollowedComponent::find_frame(const FollowedActivation&
     }
   }
   return Input::kThere;
+}
+
+/// The first message of each lane that the known activations after a key frame were given: while
+/// the process started, its lanes may have dropped it. Where it is not here, but a later key frame
+/// is, that one is tried.
+FollowedComponent::Input FollowedComponent::find_after_frame() {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::shared_ptr<Lane>> found;
+  Input result = Input::kThere;
+  const auto look = [&](const detail::Subscription& subscription, PublisherId publisher,
+                        std::uint64_t sequence) {
+    const auto lane = lane_of(subscription, publisher);
+    if (lane == nullptr) {
+      result = Input::kLost;
+      return;
+    }
+    if (std::ranges::find(found, lane) != found.end()) {
+      return;
+    }
+    found.push_back(lane);
+    Lane::Head head;
+    if (!lane->peek(head)) {
+      result = Input::kNotYet;
+    } else if (head.sequence > sequence) {
+      result = Input::kLost;
+    }
+  };
+  const auto& callbacks = core_.subscriptions.callbacks();
+  const auto& views = core_.subscriptions.views();
+  for (std::size_t i = 1; i < waiting_.size() && result != Input::kLost; ++i) {
+    const FollowedActivation& activation = waiting_[i];
+    if (result == Input::kNotYet && is_frame(activation)) {
+      return Input::kLost;
+    }
+    if (activation.record.publisher != 0 && activation.record.subscription < callbacks.size()) {
+      look(*callbacks[activation.record.subscription], activation.record.publisher,
+           activation.record.key);
+    }
+    for (const auto& [read, text] : activation.reads) {
+      if (read.kind == ReadKind::kTaken && read.place < views.size()) {
+        look(*views[read.place], read.publisher, read.value);
+      }
+    }
+  }
+  return result;
 }
 
 /// Delivers what it publishes from now on.

@@ -87,6 +87,7 @@ class FollowedComponent final : public detail::Script {
   void skip(const FollowedActivation& activation, std::string_view why);
   [[nodiscard]] bool seek(detail::ActivationRing& ring, const FollowedActivation& activation);
   [[nodiscard]] Input find_frame(const FollowedActivation& activation);
+  [[nodiscard]] Input find_after_frame();
   void begin_at(detail::ActivationRing& ring, const FollowedActivation& frame);
   bool execute_next(detail::ActivationRing& ring, const FollowedActivation& activation);
   void go_public();

@@ -12,6 +12,7 @@
 
 #include "base/clock.h"
 #include "broker/followed_outputs.h"
+#include "broker/publisher_core.h"
 #include "component/component_core.h"
 #include "component/component_state.h"
 #include "component/declared_states.h"
@@ -43,6 +44,32 @@ class Counter final : public Component {
   State<Int64Value> ticks_;
 };
 
+/// Publishes numbers when the test does.
+class Source final : public Component {
+ public:
+  explicit Source(Context& context)
+      : Component(context), numbers_(context.create_publisher<Int64Value>("numbers")) {}
+
+ private:
+  Publisher<Int64Value> numbers_;
+};
+
+/// Has room for two numbers.
+class Receiver final : public Component {
+ public:
+  explicit Receiver(Context& context) : Component(context), last_(context.state<Int64Value>("n")) {
+    context.create_subscriber<Int64Value>("numbers", {.depth = 2}, [this](const Int64Value& n) {
+      last_->set_value(n.value());
+      received.push_back(n.value());
+    });
+  }
+
+  static inline std::vector<std::int64_t> received;
+
+ private:
+  State<Int64Value> last_;
+};
+
 class NoComparer final : public detail::OutputComparer {
  public:
   void compare(const detail::PublisherCore&, const detail::Envelope&,
@@ -57,12 +84,15 @@ constexpr std::int64_t kOwnBeginNs = 3'000'000'000;    // and here.
 /// worker, and asks it for the steps of a start, in the place of the control thread.
 class ALateFollower : public testing::Test {
  protected:
-  ALateFollower() {
+  explicit ALateFollower(
+      const std::string& component =
+          R"({"name": "counter", "library": "counter", "serve_period_ms": 10})") {
     Counter::started = 0;
     Counter::in_start = [] {};
-    classes_.with<Counter>("counter");
-    application_ = host::make_application(R"({"name": "t", "components": [
-        {"name": "counter", "library": "counter", "serve_period_ms": 10}]})",
+    Receiver::received.clear();
+    classes_.with<Counter>("counter").with<Receiver>("receiver").with<Source>("source");
+    application_ = host::make_application(R"({"name": "t", "components": [)" + component +
+                                              R"(, {"name": "source", "library": "source"}]})",
                                           classes_);
     core_ = application_->components().front().get();
     script_ = std::make_unique<FollowedComponent>(
@@ -214,6 +244,79 @@ TEST_F(ALateFollower, ChangesModesAlsoWhereItWasAskedBeforeItsKeyFrame) {
   EXPECT_EQ(answered_, asked_);
   EXPECT_EQ(script_->executed(), 3U);
   EXPECT_EQ(core_->state, detail::ComponentState::kActive);
+}
+
+class ALateFollowerOfMessages : public ALateFollower {
+ protected:
+  ALateFollowerOfMessages() : ALateFollower(R"({"name": "receiver", "library": "receiver"})") {
+    source_ = application_->components().back()->declared.publishers.front();
+  }
+
+  void publish(int count) {
+    for (int i = 0; i < count; ++i) {
+      source_->owner.enter();
+      detail::Envelope* loan = source_->loan(true);
+      static_cast<Int64Value&>(*loan->own).set_value(++published_);
+      source_->publish(loan, {});
+    }
+  }
+
+  /// The other one has executed an activation with this message.
+  void add_message(std::uint64_t sequence) {
+    script_->add({.record = {.component = core_->index,
+                             .cause = Cause::kMessage,
+                             .subscription = 0,
+                             .number = ++last_,
+                             .publisher = source_->id,
+                             .key = sequence,
+                             .time_ns = kTheirBeginNs}});
+  }
+
+  detail::PublisherCore* source_ = nullptr;
+  std::int64_t published_ = 0;
+};
+
+TEST_F(ALateFollowerOfMessages, BeginsAtAKeyFrameAfterWhichItHasAllMessages) {
+  publish(4);  // The first two have been displaced.
+  add_key_frame(kTheirBeginNs);
+  add_message(1);
+  add_message(2);
+  add_key_frame(kTheirBeginNs);
+  add_message(3);
+  add_message(4);
+  ask_to_start();
+  ask_to_begin_timers();
+  serve();
+
+  EXPECT_EQ(found_, 1);
+  EXPECT_EQ(script_->executed(), last_);
+  EXPECT_EQ(Receiver::received, (std::vector<std::int64_t>{3, 4}));
+}
+
+TEST_F(ALateFollowerOfMessages, WaitsForAMessageThatHasNotArrivedHere) {
+  add_key_frame(kTheirBeginNs);
+  add_message(1);
+  ask_to_start();
+  ask_to_begin_timers();
+  serve();
+  EXPECT_EQ(found_, 0);
+
+  publish(1);
+  serve();
+  EXPECT_EQ(found_, 1);
+  EXPECT_EQ(Receiver::received, (std::vector<std::int64_t>{1}));
+}
+
+TEST_F(ALateFollowerOfMessages, BeginsAtALaterKeyFrameIfAMessageOfAnEarlierOneDoesNotArrive) {
+  add_key_frame(kTheirBeginNs);
+  add_message(1);
+  add_key_frame(kTheirBeginNs);
+  ask_to_start();
+  ask_to_begin_timers();
+  serve();
+
+  EXPECT_EQ(found_, 1);
+  EXPECT_EQ(script_->executed(), last_);
 }
 
 }  // namespace

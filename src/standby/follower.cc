@@ -49,6 +49,7 @@ Follower::Follower(host::ApplicationHost& application, Followed& followed,
   for (const detail::ActivationRing* ring : rings.workers) {
     next_.push_back(is_late ? ring->size() : 0);
   }
+  begins_after_ns_ = is_late ? base::monotonic_ns() : 0;
 }
 
 Follower::~Follower() = default;
@@ -108,7 +109,8 @@ void Follower::read_rings() {
 
 void Follower::add(const detail::ActivationRecord& record) {
   const auto its = its_.find(record.component);
-  if (its != its_.end() && (its->second.is_late || record.number >= its->second.next)) {
+  if (its != its_.end() && (its->second.is_late ? record.begin_ns > begins_after_ns_
+                                                : record.number >= its->second.next)) {
     its->second.pending.emplace(record.number, record);
   }
 }

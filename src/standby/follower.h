@@ -120,6 +120,9 @@ class Follower final : public detail::OutputComparer {
 
   mutable std::mutex mutex_;
   std::vector<std::uint64_t> next_;  ///< Position in each ring.
+  /// Follows the activations that began after this, CLOCK_MONOTONIC; 0: all. Of earlier ones some
+  /// may be before the positions at which it began to read.
+  std::int64_t begins_after_ns_ = 0;
   std::vector<detail::ActivationRecord> new_;
   std::uint64_t known_ = 0;
   bool is_in_step_ = false;  ///< The listener was notified.

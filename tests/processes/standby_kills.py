@@ -45,19 +45,27 @@ class Drive:
             self.run = subprocess.Popen([program, "run", os.path.abspath(options.application), *words, "--quiet", *record],
                                         stdout=errors, stderr=subprocess.STDOUT, cwd=folder)
         self.active = {name: name for name in options.processes}
-        self.runs = {}
         self.is_awaiting = False  # Whether the process killed last has not yet been replaced.
+
+    def run_of(self, name):
+        """The last run in which the process has followed the other one; 0: none."""
+        runs = re.findall(rf'"{re.escape(name)}" is on standby, in its run (\d+)', self.out.read_text())
+        return int(runs[-1]) if runs else 0
 
     def await_standby(self, name, run):
         """Waits until the process follows the other one, in this run or a later one: one that cannot follow is made anew."""
         def has_run():
-            runs = re.findall(rf'"{re.escape(name)}" is on standby, in its run (\d+)', self.out.read_text())
-            if runs and int(runs[-1]) >= run:
-                return int(runs[-1])
+            if self.run_of(name) >= run:
+                return True
             if self.run.poll() is not None:
                 raise Over
             return None
-        self.runs[name] = wait_for(f"the standby {name}", has_run, 120)
+        wait_for(f"run {run} of the standby {name}", has_run, 120, self.what_happened)
+
+    def what_happened(self):
+        """The end of the run's output and its processes, for a failure."""
+        children = subprocess.run(["ps", "-o", "pid,stat,wchan:30,etimes,comm", "--ppid", str(self.run.pid)], capture_output=True, text=True)
+        return f"; the run ends with:\n{self.out.read_text()[-4000:]}\n{children.stdout}"
 
     def pid_of(self, name):
         def there():
@@ -65,11 +73,10 @@ class Drive:
                 raise Over
             is_long = len(name) > 15 and name.endswith(".standby")
             return children_of(self.run.pid).get(name[:7] + ".standby" if is_long else name[:15])
-        return wait_for(name, there, 30)
+        return wait_for(name, there, 30, self.what_happened)
 
     def begin(self):
         for name in self.options.processes:
-            self.runs[name] = 1
             self.await_standby(name + ".standby", 1)
         time.sleep(0.5)
 
@@ -78,10 +85,11 @@ class Drive:
         name = rng.choice(self.options.processes)
         active = self.active[name]
         process = self.pid_of(active)
+        run = max(1, self.run_of(active))
         moment = time.time()
         os.kill(process, signal.SIGSTOP if self.options.stop else signal.SIGKILL)
         self.is_awaiting = True
-        self.await_standby(active, self.runs[active] + 1)
+        self.await_standby(active, run + 1)
         self.is_awaiting = False
         self.moments.append(moment)  # Only now: before its end nothing is judged.
         self.active[name] = name if active != name else name + ".standby"

@@ -213,6 +213,18 @@ TEST_F(AStandby, ThatPublishesSomethingElseIsMadeAnew) {
   expect_each_sum_once(run, 400);
 }
 
+TEST_F(AStandby, ThatIsNotRestartedAnyMoreLeavesTheOthersAlone) {
+  std::string text = application(400, R"({"drifts": true})");
+  text.replace(text.find("1000}"), 5, "0}");
+  Process run(options(text));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  EXPECT_THAT(run.errors(), HasSubstr("process \"summing.standby\" ended with exit code 1, after 0 "
+                                      "restarts; the others go on without it"));
+  expect_each_sum_once(run, 400);
+}
+
 TEST_F(AStandby, TakesOverWhenItIsAskedTo) {
   const std::vector<std::string> environment{"XDG_RUNTIME_DIR=" + folder_.path().string()};
   test::ProcessOptions watched = options(application(100'000));
