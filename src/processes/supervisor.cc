@@ -451,6 +451,13 @@ void Supervisor::take_end(ProcessIndex process) {
   consider_restart(process, describe_end(status));
 }
 
+void Supervisor::go_on_without(Its& its, const std::string& what) {
+  report_(what + "; the others go on without it");
+  its.has_sources = false;
+  end_if_sources_finished();
+  report_if_all_started();
+}
+
 void Supervisor::consider_restart(ProcessIndex process, const std::string& how) {
   Its& its = its_[process];
   const config::ProcessDescription description = plan_.description_of(process);
@@ -462,10 +469,7 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
   }
   switch (description.on_exit) {
     case config::OnExit::kContinue:
-      report_(what + "; the others go on without it");
-      its.has_sources = false;
-      end_if_sources_finished();
-      report_if_all_started();
+      go_on_without(its, what);
       return;
     case config::OnExit::kRestart: {
       const config::RestartDescription& restart = description.restart;
@@ -486,10 +490,7 @@ void Supervisor::consider_restart(ProcessIndex process, const std::string& how) 
         return;
       }
       if (restart.then == config::AfterRestarts::kContinue || only_follows(process)) {
-        report_(
-            fmt::format("{}, after {} restarts; the others go on without it", what, its.restarts));
-        its.has_sources = false;
-        end_if_sources_finished();
+        go_on_without(its, fmt::format("{}, after {} restarts", what, its.restarts));
         return;
       }
       report_(

@@ -91,6 +91,7 @@ class Supervisor {
   [[nodiscard]] bool will_restart(segment::ProcessIndex process, int status) const;
   [[nodiscard]] std::uint32_t restarts_of(const Its& its,
                                           const config::RestartDescription& restart) const;
+  void go_on_without(Its& its, const std::string& what);
   void consider_restart(segment::ProcessIndex process, const std::string& how);
   [[nodiscard]] std::optional<segment::ProcessIndex> holder_of_generation(
       segment::ProcessIndex process, std::uint32_t incarnation) const;

@@ -270,6 +270,29 @@ INSTANTIATE_TEST_SUITE_P(In, LauncherAsAService,
                            return words.param.empty() ? "OneProcess" : "Processes";
                          });
 
+TEST_F(Launcher, ReportsTheStartAlsoWhereAProcessEndsInItAndIsNotReplaced) {
+  for (const std::string policy :
+       {R"("on_exit": "continue")",
+        R"("on_exit": "restart", "restart": {"limit": 0, "then": "continue"})"}) {
+    write_application({kCounter, kAdder,
+                       R"({"name": "trouble", "library": "launcher_parts", "class": "Trouble",
+                           "process": "slow", "params": {"where": "hang in start"}})"},
+                      R"(, "processes": [{"name": "slow", )" + policy + "}]");
+    const ServiceManager manager("@fastcycle_launcher_test_" + std::to_string(getpid()));
+    test::ProcessOptions options = started_with(run_words());
+    options.environment.push_back(manager.variable());
+    Process program(options);
+    ASSERT_TRUE(program.wait_for("it hangs now")) << program.errors();
+
+    kill(test::process_of_session(program.pid(), "slow"), SIGKILL);
+    EXPECT_EQ(manager.news_of(program.pid()), "READY=1") << program.errors();
+    program.send(SIGINT);
+
+    EXPECT_EQ(take(program), 0) << errors_;
+    EXPECT_THAT(errors_, HasSubstr("the others go on without it"));
+  }
+}
+
 TEST_F(Launcher, SimulatedRunEndsInOrderOnCtrlC) {
   write_application({kCounter, kAdder});
   Process program(started_with(run_words({"--clock", "simulated"})));
