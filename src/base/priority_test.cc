@@ -48,7 +48,7 @@ TEST(GiveWay, LowersThePriorityOfTheCallingThreadAndNeverRaisesIt) {
   std::thread thread([&] {
     give_way();
     nice[0] = getpriority(PRIO_PROCESS, 0);
-    setpriority(PRIO_PROCESS, 0, 15);
+    setpriority(PRIO_PROCESS, 0, std::max(before, 15));
     give_way();
     nice[1] = getpriority(PRIO_PROCESS, 0);
   });

@@ -23,7 +23,8 @@ struct Target {
 
 /// The shares of a publisher's messages: owns how many its subscriptions need, and finds
 /// subscriptions that keep more than their share, which receive no further message until they
-/// release one ([decision 0034](../../docs/decisions/0034-a-hoarding-component-uses-up-its-own-share.md)).
+/// release one ([decision
+/// 0034](../../docs/decisions/0034-a-hoarding-component-uses-up-its-own-share.md)).
 ///
 /// @threads  As the publisher.
 /// @realtime `must_look` reads two flags; the rest is called only if a share may be exceeded.
