@@ -287,7 +287,7 @@ FollowedComponent::Input FollowedComponent::find_after_frame() {
     found.push_back(lane);
     Lane::Head head;
     if (!lane->peek(head)) {
-      result = Input::kNotYet;
+      result = result == Input::kLost ? result : Input::kNotYet;
     } else if (head.sequence > sequence) {
       result = Input::kLost;
     }
