@@ -44,6 +44,8 @@ constexpr double kJerkMax_mps3 = 20.0;
 constexpr double kBrakingMax_mps2 = -8.0;
 
 constexpr double kGoalPlace = 100.0;
+// Up to so far from the goal its pull increases; farther away it decreases slowly.
+constexpr double kGoalFar_m = 5.0;
 constexpr double kGoalCentre = 3.0;
 constexpr double kGoalHeading = 2000.0;
 constexpr double kGoalAhead = 200.0;
@@ -171,11 +173,10 @@ void Optimizer::add_road(Quadratic& sum, std::size_t step, const State& state) c
   sum.add_pose(to_left, place.offset_m - lanes_m_[step], kStep_s * kLane);
   add_edges(sum, state, place);
   add_speed(sum, step, state, place);
-  const bool is_cruising = goal_step_ == 0 || step > goal_step_;
-  if (is_cruising) {
-    const double error = state.speed_mps - cruise_at(problem_, profile_, place.along_m);
-    sum.add(3, error, kStep_s * kCruise * cruise_share(error));
-  }
+  const bool is_before_goal = goal_step_ != 0 && step <= goal_step_;
+  const double error =
+      state.speed_mps - cruise_at(problem_, profile_, place.along_m, is_before_goal);
+  sum.add(3, error, kStep_s * kCruise * cruise_share(error));
   if (step == problem_.traffic.steps()) {
     sum.add(2, wrapped(state.heading_rad - place.heading_rad), 20.0);
   }
@@ -308,10 +309,11 @@ void Optimizer::add_goal(Quadratic& sum, std::size_t step, const State& state) c
   }
   sum.add_pose_bounded(by_across, across, kGoalCentre, 1.0);
   if (std::abs(along) > room_along) {
-    sum.add_pose_bounded(by_along, outside(along, -room_along, room_along), kGoalPlace, 1.0);
+    sum.add_pose_bounded(by_along, outside(along, -room_along, room_along), kGoalPlace, kGoalFar_m);
   }
   if (std::abs(across) > room_across) {
-    sum.add_pose_bounded(by_across, outside(across, -room_across, room_across), kGoalPlace, 1.0);
+    sum.add_pose_bounded(by_across, outside(across, -room_across, room_across), kGoalPlace,
+                         kGoalFar_m);
   }
   const double middle = 0.5 * (goal.heading_rad.low + goal.heading_rad.high);
   if (std::isfinite(middle)) {

@@ -84,10 +84,15 @@ inline SpeedProfile profile_of(const Problem& problem) {
   return {problem.road, problem.slow_stretches, problem.halt, problem.start};
 }
 
-/// The desired speed without a goal ahead: the road's limit, if any, as far as the profile permits.
-inline double cruise_at(const Problem& problem, const SpeedProfile& profile, double along_m) {
+/// The desired speed: the road's limit, if any, as far as the profile permits. Before a goal it is
+/// not that of the goal; the goal costs more than any deviation from it.
+inline double cruise_at(const Problem& problem, const SpeedProfile& profile, double along_m,
+                        bool is_before_goal = false) {
   const double limit_mps = problem.road.speed_limit_mps(along_m);
   const double speed_mps = limit_mps > 0.0 ? limit_mps : problem.cruise_mps;
+  if (is_before_goal) {
+    return std::min(speed_mps, profile.wanted_mps(along_m));
+  }
   return std::min(
       std::clamp(speed_mps, problem.cruise_within_mps.low, problem.cruise_within_mps.high),
       profile.wanted_mps(along_m));

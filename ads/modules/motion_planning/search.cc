@@ -258,11 +258,9 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
       cost += 0.5 * kLayer_s *
               (kSideSpeed * square(kOffset_m * move / kLayer_s) +
                kSideChange * square(kOffset_m * (move - from.move) / kLayer_s));
-      const bool is_cruising = !problem_.goal || from_s >= problem_.goal->time_s.high;
-      if (is_cruising) {
-        const double error = to.speed_mps - cruise_at(problem_, profile_, to.along_m);
-        cost += 0.5 * kLayer_s * kCruise * cruise_share(error) * square(error);
-      }
+      const bool is_before_goal = problem_.goal && from_s < problem_.goal->time_s.high;
+      const double error = to.speed_mps - cruise_at(problem_, profile_, to.along_m, is_before_goal);
+      cost += 0.5 * kLayer_s * kCruise * cruise_share(error) * square(error);
       to.cost = from.cost + cost;
       to.goal_cost = from.goal_cost;
       if (problem_.goal) {

@@ -16,6 +16,9 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kFace_m = 0.12;
 // A face is seen as such over this width.
 constexpr double kFaceWidth_m = 0.5;
+// Of a narrow object, over this share of its width, but no less than that.
+constexpr double kFaceShare = 0.5;
+constexpr double kFaceWidthMin_m = 0.25;
 constexpr double kSideLength_m = 0.8;
 constexpr double kFaceStddev_m = 0.03;
 constexpr double kEndStddev_m = 0.06;
@@ -40,8 +43,11 @@ struct Silhouette {
 class Measuring {
  public:
   Measuring(const ObjectView& view, const Skyline& skyline, const Eigen::Vector2d& reference_m,
-            double heading_rad)
-      : view_(view), reference_m_(reference_m), axis_(direction(heading_rad)) {
+            double heading_rad, double width_m)
+      : view_(view),
+        reference_m_(reference_m),
+        axis_(direction(heading_rad)),
+        face_width_m_(std::clamp(kFaceShare * width_m, kFaceWidthMin_m, kFaceWidth_m)) {
     sensor_ = along(view.sensor_m);
     for (std::size_t index = 0; index < view.points.size(); ++index) {
       const Along place = along(view.points[index].place_m);
@@ -75,7 +81,7 @@ class Measuring {
         view_.spread_rad * (end - sensor_).norm() / std::max(1e-3, std::abs(ray[other]));
     // Little of a face may be the face beside it, if the heading is not that exact.
     const bool is_long =
-        length_of_face(axis, other, side) > (axis == 0 ? kSideLength_m : kFaceWidth_m);
+        length_of_face(axis, other, side) > (axis == 0 ? kSideLength_m : face_width_m_);
     if (is_on_face && is_long && spacing < kSpacingMax_m && is_upright(axis, sign)) {
       edge.place_m += sign * 0.5 * spacing;
       edge.stddev_m = std::hypot(kEndStddev_m, spacing / std::sqrt(12.0));
@@ -122,7 +128,7 @@ class Measuring {
         ++count;
       }
     }
-    if (high - low < kFaceWidth_m || !is_upright(axis, sign)) {
+    if (high - low < face_width_m_ || !is_upright(axis, sign)) {
       return std::nullopt;
     }
     return sum / count;
@@ -191,6 +197,7 @@ class Measuring {
   const ObjectView& view_;
   const Eigen::Vector2d reference_m_;
   const Eigen::Vector2d axis_;
+  const double face_width_m_;
   Along sensor_;
   std::array<Extreme, 2> highest_;
   std::array<Extreme, 2> lowest_;
@@ -200,8 +207,8 @@ class Measuring {
 }  // namespace
 
 BoxView view_box(const ObjectView& view, const Skyline& skyline, const Eigen::Vector2d& reference_m,
-                 double heading_rad) {
-  const Measuring measuring(view, skyline, reference_m, heading_rad);
+                 double heading_rad, double width_m) {
+  const Measuring measuring(view, skyline, reference_m, heading_rad, width_m);
   BoxView box{.front = measuring.edge(0, 1.0),
               .rear = measuring.edge(0, -1.0),
               .left = measuring.edge(1, 1.0),

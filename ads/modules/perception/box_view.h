@@ -49,8 +49,13 @@ struct BoxView {
   double height_m = 0.0;
 };
 
+/// The width that `view_box` assumes of an unknown object.
+inline constexpr double kUsualWidth_m = 1.9;
+
+/// Of an object that is known to be narrow, as by `width_m`, less of a face is enough.
 [[nodiscard]] BoxView view_box(const ObjectView& view, const Skyline& skyline,
-                               const Eigen::Vector2d& reference_m, double heading_rad);
+                               const Eigen::Vector2d& reference_m, double heading_rad,
+                               double width_m = kUsualWidth_m);
 
 /// A measured heading.
 struct SeenHeading {

@@ -50,13 +50,13 @@ class BoxViewTest : public ::testing::Test {
 
   [[nodiscard]] ObjectView view() const { return {.points = points_, .spread_rad = kSpread_rad}; }
 
-  BoxView edges(double heading_rad) {
+  BoxView edges(double heading_rad, double width_m = kUsualWidth_m) {
     auto returns = obstacles_;
     for (const ObjectPoint& point : points_) {
       returns.push_back({.azimuth_rad = point.azimuth_rad, .range_m = point.range_m});
     }
     skyline_.fill(returns, 1.7);
-    return view_box(view(), skyline_, box_.center_m, heading_rad);
+    return view_box(view(), skyline_, box_.center_m, heading_rad, width_m);
   }
 
   Box box_;
@@ -85,6 +85,16 @@ TEST_F(BoxViewTest, RearAloneSaysNothingOfTheFront) {
   EXPECT_FALSE(box.front.is_end);
   EXPECT_NEAR(box.rear.place_m, -2.3, 0.03);
   EXPECT_NEAR(box.left.place_m, 0.9, 0.1);
+}
+
+// A bicycle far away, whose heading is not well known.
+TEST_F(BoxViewTest, ANarrowObjectEndsWhereLittleOfAFaceIsSeen) {
+  look_at({.center_m = {35.0, 0.0}, .heading_rad = 0.0, .length_m = 1.8, .width_m = 0.6});
+
+  EXPECT_FALSE(edges(0.3).rear.is_end);
+  const BoxView box = edges(0.3, 0.6);
+  EXPECT_TRUE(box.rear.is_end);
+  EXPECT_NEAR(box.rear.place_m, -0.9, 0.15);
 }
 
 TEST_F(BoxViewTest, EndThatIsHiddenIsOnlyABound) {

@@ -145,7 +145,7 @@ void Track::update(const ObjectView& view, const Skyline& skyline) {
     turn_about(nearest_m, heading_[0] - before);
   }
   // The state moves with each edge; what the edges are measured from must not.
-  const BoxView box = view_box(view, skyline, Eigen::Vector2d(center_m()), heading_[0]);
+  const BoxView box = view_box(view, skyline, Eigen::Vector2d(center_m()), heading_[0], width_m());
   const Eigen::Vector2d reference_m = center_m();
   const Eigen::Vector2d ahead = direction(heading_[0]);
   const std::array<double, 2> base{ahead.dot(reference_m), left_of(ahead).dot(reference_m)};
@@ -315,7 +315,7 @@ void Track::cut(const Eigen::Vector2d& sensor_m) {
 }
 
 double Track::distance2(const ObjectView& view, const Skyline& skyline) const {
-  const BoxView box = view_box(view, skyline, center_m(), heading_[0]);
+  const BoxView box = view_box(view, skyline, center_m(), heading_[0], width_m());
   const auto off = [](const Edge& high, const Edge& low, double size) {
     if (high.is_end != low.is_end) {
       return high.is_end ? high.place_m - 0.5 * size : low.place_m + 0.5 * size;
