@@ -576,6 +576,9 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
   }
   start_ns_ = base::to_ns(clock_.now());
   if (peers_ != nullptr) {
+    if (const std::optional<std::int64_t> began_ns = peers_->clocks_began()) {
+      log_queue_.set_start(clock_.at_monotonic(*began_ns));
+    }
     params_.send_all();
     peer_news_.begin();
     peer_log_.begin();
@@ -601,7 +604,7 @@ std::vector<base::Refusal> Application::start(std::optional<Duration> within) {
     return refusals_;
   }
   start_ns_ = base::to_ns(begin_of_timers());
-  log_queue_.set_start(start_time());
+  log_queue_.set_start(peers_ == nullptr ? start_time() : peers_->began());
   lifecycle_.start_timers(start_time());
   if (injector_ != nullptr) {
     log(LogLevel::kWarning, {}, injector_->summary());

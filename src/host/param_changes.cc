@@ -395,7 +395,9 @@ std::vector<ParamInfo> ParamChanges::list() const {
   const std::lock_guard lock(mutex_);
   for (const auto& component : application_.components()) {
     if (application_.runs_elsewhere(component->name)) {
-      std::ranges::copy(list_elsewhere(component->index), std::back_inserter(infos));
+      for (const RemoteParam& param : list_elsewhere(component->index)) {
+        infos.push_back(param.info);
+      }
       continue;
     }
     for (const DeclaredParam& param : component->param_table.all()) {
@@ -434,19 +436,19 @@ void ParamChanges::send_all() {
     if (application_.runs_elsewhere(component->name)) {
       continue;
     }
-    std::vector<ParamInfo> infos;
+    std::vector<RemoteParam> params;
     {
       const std::lock_guard lock(mutex_);
       for (const DeclaredParam& param : component->param_table.all()) {
         if (param.is_declared) {
-          infos.push_back(info_of(component->name, param));
+          params.push_back(remote_of(component->name, param));
         }
       }
     }
     try {
-      if (!infos.empty()) {
+      if (!params.empty()) {
         application_.peers()->send_notice(Notice::Kind::kParamsListed, component->index,
-                                          to_text(infos));
+                                          to_text(params));
       }
     } catch (const std::length_error& error) {
       application_.log(
@@ -456,9 +458,9 @@ void ParamChanges::send_all() {
   }
 }
 
-std::vector<ParamInfo> ParamChanges::list_elsewhere(std::uint32_t component) const {
+std::vector<RemoteParam> ParamChanges::list_elsewhere(std::uint32_t component) const {
   const auto its = elsewhere_.find(component);
-  return its == elsewhere_.end() ? std::vector<ParamInfo>() : its->second;
+  return its == elsewhere_.end() ? std::vector<RemoteParam>() : its->second;
 }
 
 std::uint64_t ParamChanges::ask_all(std::uint32_t component, std::string_view by,
@@ -550,7 +552,7 @@ void ParamChanges::take(const Notice& notice) {
     case Notice::Kind::kParamsListed:
       if (!application_.peers()->is_here(notice.process) && is_of(notice)) {
         const std::lock_guard lock(mutex_);
-        elsewhere_[notice.component] = infos_of(notice.text);
+        elsewhere_[notice.component] = remote_params_of(notice.text);
       }
       break;
     case Notice::Kind::kParamsAsked:
@@ -719,8 +721,11 @@ void ParamChanges::decide() {
       if (its == elsewhere_.end()) {
         continue;
       }
-      for (ParamInfo& info : its->second) {
-        info.json = info.param == one.name ? one.json : info.json;
+      for (RemoteParam& param : its->second) {
+        if (param.info.param == one.name) {
+          param.info.json = one.json;
+          param.origin = ParamOrigin::kChanged;
+        }
       }
     }
   }

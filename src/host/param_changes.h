@@ -16,6 +16,7 @@
 #include "config/problem.h"
 #include "fastcycle/param_list.h"
 #include "fastcycle/params.h"
+#include "params/param_info.h"
 #include "params/param_table.h"
 
 namespace fastcycle::detail {
@@ -51,7 +52,7 @@ class ParamChanges {
   /// Descriptions of the params of all components, with the values of the last transaction.
   [[nodiscard]] std::vector<ParamInfo> list() const;
   /// Those of a component in another process, if received. @pre The mutex is held.
-  [[nodiscard]] std::vector<ParamInfo> list_elsewhere(std::uint32_t component) const;
+  [[nodiscard]] std::vector<RemoteParam> list_elsewhere(std::uint32_t component) const;
 
   // For several processes; called as documented in `Peers`.
   /// Before the start: sends the params of this process to the others.
@@ -160,8 +161,8 @@ class ParamChanges {
   Verdict verdict_;
   std::vector<Settling> settling_;
   // Under the mutex.
-  std::map<std::uint32_t, std::vector<ParamInfo>> elsewhere_;  ///< By component.
-  std::map<std::string, std::string> changed_;                 ///< JSON by name, of all processes.
+  std::map<std::uint32_t, std::vector<RemoteParam>> elsewhere_;  ///< By component.
+  std::map<std::string, std::string> changed_;  ///< JSON by name, of all processes.
   // Callbacks for the requests of this process, by number.
   std::mutex waiting_mutex_;
   std::uint64_t numbers_ = 0;

@@ -15,8 +15,21 @@ namespace fastcycle::host {
 /// The view of `param` for others than its component. @pre The mutex is held.
 [[nodiscard]] ParamInfo info_of(const std::string& component, const DeclaredParam& param);
 
+/// A parameter of a component in another process, for tools.
+struct RemoteParam {
+  ParamInfo info;
+  std::string default_json;  ///< Empty: none.
+  ParamOrigin origin = ParamOrigin::kFallback;
+  config::Place place;
+};
+
+/// The view of `param` for other processes. @pre The mutex is held.
+[[nodiscard]] RemoteParam remote_of(const std::string& component, const DeclaredParam& param);
+
 /// Serializes a list of them, and parses it. Invalid text yields an empty list.
 [[nodiscard]] std::string to_text(const std::vector<ParamInfo>& infos);
+[[nodiscard]] std::string to_text(const std::vector<RemoteParam>& params);
 [[nodiscard]] std::vector<ParamInfo> infos_of(std::string_view text);
+[[nodiscard]] std::vector<RemoteParam> remote_params_of(std::string_view text);
 
 }  // namespace fastcycle::host

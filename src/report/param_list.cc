@@ -67,8 +67,9 @@ ListedParam listed(const std::string& component, const DeclaredParam& param) {
   return result;
 }
 
-/// Of a component in another process, with less detail.
-ListedParam listed(const std::string& component, const ParamInfo& info) {
+/// Of a component in another process.
+ListedParam listed(const std::string& component, const RemoteParam& param) {
+  const ParamInfo& info = param.info;
   const auto value_of = [](const std::string& json) {
     return json.empty() ? ordered_json() : ordered_json::parse(json, nullptr, false);
   };
@@ -79,10 +80,11 @@ ListedParam listed(const std::string& component, const ParamInfo& info) {
           .min = value_of(info.min_json),
           .max = value_of(info.max_json),
           .names = info.names,
-          .fallback = {},
+          .has_fallback = !param.default_json.empty(),
+          .fallback = value_of(param.default_json),
           .value = value_of(info.json),
-          .origin = "process",
-          .place = {},
+          .origin = origin_word(param.origin),
+          .place = param.origin == ParamOrigin::kChanged ? config::Place{} : param.place,
           .is_tunable = info.is_tunable,
           .description = info.description};
 }
@@ -161,8 +163,8 @@ std::vector<ListedParam> list_params(const Application& application) {
   std::vector<ListedParam> result;
   const std::lock_guard lock(application.params().mutex());
   for (const auto& component : application.components()) {
-    for (const ParamInfo& info : application.params().list_elsewhere(component->index)) {
-      result.push_back(listed(component->name, info));
+    for (const RemoteParam& param : application.params().list_elsewhere(component->index)) {
+      result.push_back(listed(component->name, param));
     }
     for (const DeclaredParam& param : component->param_table.all()) {
       if (param.is_declared) {

@@ -258,6 +258,19 @@ TEST_F(ComponentsInProcesses, AreExecutedAgainUpToTheEndOfTheirProcess) {
       << verified.output;
 }
 
+TEST_F(ComponentsInProcesses, AreNamedIfTheyCrashWhenTheyAreExecutedAgain) {
+  const auto log = folder_ / "log.mcap";
+  Process run(options(application(R"("process": "relaying")"), {"--record", log.string()}));
+  ASSERT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  Process verify({.program = FASTCYCLE_PROGRAM,
+                  .arguments = {"verify", log.string(), "--set", "relay.crash_at=50"}});
+
+  EXPECT_NE(verify.wait().exit_code, 0);
+  EXPECT_THAT(verify.errors(), HasSubstr("component \"relay\""));
+  EXPECT_THAT(verify.errors(), HasSubstr("\"readings\""));
+}
+
 TEST_F(ComponentsInProcesses, AreEachInOneWhereThatIsAskedFor) {
   Process run(options(application(R"("after": ["source"])"), {"--isolate", "all"}));
 
@@ -297,6 +310,24 @@ TEST_F(ComponentsInProcesses, AreMadeAnewWithTheirProcessWhileTheOthersGoOn) {
   EXPECT_EQ(said["results"]["whole"], 400);    // Nobody else lost anything,
   EXPECT_GT(said["results"]["relayed"], 350);  // and it relays again.
   expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, LogTheTimeSinceTheFirstStartAlsoInARestartedProcess) {
+  Process run(
+      options(application(R"("process": "relaying", "params": {"crash_at": 50, "log_every": 1})",
+                          R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 400)));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  std::istringstream lines(run.errors());
+  std::vector<double> times;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find(" warning relay: reading ") != std::string::npos) {
+      times.push_back(std::stod(line));
+    }
+  }
+  EXPECT_GT(times.size(), 350U) << run.errors();
+  EXPECT_TRUE(std::ranges::is_sorted(times)) << run.errors();
 }
 
 TEST_F(ComponentsInProcesses, AreMadeAnewWhenOneOfThemHangs) {
@@ -1071,8 +1102,19 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
   EXPECT_EQ(relay()["callbacks"][0]["name"], "readings");
   EXPECT_GT(relay()["callbacks"][0]["time_us"]["p50"], 0.0);
 
+  const auto gain = [&] {
+    for (const json& param : json::parse(tool({"param", "list", "relay", "--json"}).second)) {
+      if (param["name"] == "gain") {
+        return param;
+      }
+    }
+    return json();
+  };
+  EXPECT_EQ(gain()["default"], 1);
+  EXPECT_EQ(gain()["from"], "default");
   EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("1"));
   EXPECT_EQ(tool({"param", "set", "relay.gain=4"}).first, 0);
+  EXPECT_EQ(gain()["from"], "changed");
   EXPECT_THAT(tool({"param", "get", "relay.gain"}).second, HasSubstr("4"));
   const auto [code, refused] = tool({"param", "set", "relay.gain=40"});
   EXPECT_EQ(code, 1);
