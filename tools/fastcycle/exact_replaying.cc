@@ -33,11 +33,12 @@ std::vector<std::string> other_builds(const std::map<std::string, std::string>& 
   return names;
 }
 
-/// Suppresses the components' output during re-execution.
+/// Suppresses the components' output, and limits of their calls, during re-execution.
 void silence(config::ApplicationDescription& description) {
   description.log_level = LogLevel::kError;
   for (config::ComponentDescription& component : description.components) {
     component.log_level.reset();
+    component.hang = {.callback_limit = {}, .lifecycle_limit = {}};  // The machine may be slower.
   }
 }
 
@@ -104,6 +105,10 @@ std::string ExactReplaying::find_wrong() {
 
 ReplayedApplication::~ReplayedApplication() {
   replay_.reset();
+  if (application_ != nullptr) {
+    application_->stop();  // While its observer lives.
+  }
+  diagnosis_.reset();
   application_.reset();
 }
 
@@ -163,6 +168,8 @@ std::unique_ptr<ReplayedApplication> ReplayedApplication::make(const std::string
   application.declare_stand_in = [&stand_ins = *made->stand_ins_](auto& core) {
     stand_ins.declare(core);
   };
+  made->diagnosis_ = std::make_unique<host::Diagnosis>(application, std::filesystem::path());
+  application.add(*made->diagnosis_);
   config::Problems found;
   application.build(*made->stand_ins_, found, host::ConstructorFault::kFault);
   if (found.has_errors()) {

@@ -10,6 +10,7 @@
 
 #include "configuration.h"
 #include "host/application.h"
+#include "host/diagnosis.h"
 #include "loading/component_library.h"
 #include "record/recorded_schedule.h"
 #include "replay/exact_replay.h"
@@ -55,6 +56,7 @@ class ReplayedApplication {
   std::unique_ptr<host::LibraryLoader> libraries_;
   std::unique_ptr<host::StandIns> stand_ins_;
   std::unique_ptr<host::Application> application_;
+  std::unique_ptr<host::Diagnosis> diagnosis_;
   std::unique_ptr<host::ExactReplay> replay_;
 };
 
