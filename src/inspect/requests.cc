@@ -93,8 +93,8 @@ void Server::answer(Client& client, const protocol::Request& request) {
       give_params(request.params(), answer);
       break;
     case What::kChangeParams:
-      change_params(client, request.change_params(), answer);
-      break;
+      change_params(client, request);
+      return;
     case What::kSwitchMode:
       switch_mode(client, request.switch_mode(), answer);
       break;
@@ -265,27 +265,47 @@ void Server::need(bool is_allowed, const char* word, const char* what) const {
   }
 }
 
-void Server::note(const Client& client, std::string_view what) {
-  application_.log(LogLevel::kInfo, "inspect",
-                   to_utf8(fmt::format("process {} of user {} ({}) {}", client.connection->pid,
-                                       client.connection->uid, client.connection->client, what)));
+std::string Server::name_of(const Client& client) {
+  return fmt::format("process {} of user {} ({})", client.connection->pid, client.connection->uid,
+                     client.connection->client);
 }
 
-void Server::change_params(Client& client, const protocol::ChangeParams& request,
-                           protocol::Answer& answer) {
+void Server::note(const std::string& who, std::string_view what) {
+  application_.log(LogLevel::kInfo, "inspect", to_utf8(fmt::format("{} {}", who, what)));
+}
+
+void Server::change_params(Client& client, const protocol::Request& request) {
   need(description_.allows_params, "params", "change parameters");
   std::vector<ParamChange> changes;
   std::string what;
-  for (const protocol::ChangeParams::Change& change : request.changes()) {
+  for (const protocol::ChangeParams::Change& change : request.change_params().changes()) {
     changes.push_back({change.param(), change.value_json()});
     what += (what.empty() ? "" : ", ") + change.param() + " to " + change.value_json();
   }
-  const ParamsResult result = application_.change_params(changes);
-  protocol::ParamsChanged& said = *answer.mutable_params_changed();
-  for (const std::string& error : result.errors) {
-    said.add_errors(to_utf8(error));
+  const auto change = [this, changes = std::move(changes), what = std::move(what),
+                       who = name_of(client), id = request.id()] {
+    try {
+      const ParamsResult result = application_.change_params(changes);
+      protocol::Answer answer;
+      answer.set_id(id);
+      protocol::ParamsChanged& said = *answer.mutable_params_changed();
+      for (const std::string& error : result.errors) {
+        said.add_errors(to_utf8(error));
+      }
+      note(who, result.has_changed() ? "set " + what : "could not set " + what);
+      return answer;
+    } catch (const std::exception& error) {
+      return error_answer(id, {protocol::Error::KIND_REFUSED, error.what()});
+    }
+  };
+  if (application_.peers() == nullptr) {
+    client.connection->put(change());
+  } else if (!waiting_.post([this, change, connection = client.connection->number] {
+               give_later(connection, change());
+             })) {
+    throw Refusal(protocol::Error::KIND_TOO_MANY,
+                  "too many changes of parameters wait for the answers of processes");
   }
-  note(client, result.has_changed() ? "set " + what : "could not set " + what);
 }
 
 void Server::switch_mode(Client& client, const protocol::SwitchMode& request,
@@ -380,11 +400,7 @@ void Server::change_lifecycle(Client& client, const protocol::Request& request) 
     } else {
       answer.mutable_done()->set_text(fmt::format("{} is {}", who, state));
     }
-    {
-      const std::lock_guard lock(mutex_);
-      made_.push_back({connection, std::move(answer)});
-    }
-    wake();
+    give_later(connection, std::move(answer));
   };
   if (found->step == LifeStep::kReload) {
     reload(client, core, wanted, std::move(done));

@@ -64,6 +64,7 @@ Server::Server(host::Application& application, config::InspectDescription descri
       taps_(application) {}
 
 Server::~Server() {
+  waiting_.stop();
   if (is_running_) {
     is_stopping_.store(true);
     wake();
@@ -166,6 +167,7 @@ void Server::stop(const host::Application&) {
     application_.log_queue().set_listener(this, {});
     is_stopping_.store(true);
     wake();
+    waiting_.stop();
     thread_.join();
     is_running_ = false;
   }
@@ -524,6 +526,14 @@ void Server::give(std::uint64_t connection, const protocol::Answer& answer) {
   if (found != clients_.end()) {
     (*found)->connection->put(answer);
   }
+}
+
+void Server::give_later(std::uint64_t connection, protocol::Answer answer) {
+  {
+    const std::lock_guard lock(mutex_);
+    made_.push_back({connection, std::move(answer)});
+  }
+  wake();
 }
 
 void Server::write(Client& client, std::int64_t now_ns) {

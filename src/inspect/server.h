@@ -28,6 +28,7 @@
 #include "inspect/socket_file.h"
 #include "inspect/stream.h"
 #include "inspect/taps.h"
+#include "inspect/task_thread.h"
 #include "inspect/voice.h"
 
 namespace fastcycle::inspect {
@@ -138,6 +139,8 @@ class Server final : public host::Observer {
   void send_farewell();
   void wake() noexcept;
   void give(std::uint64_t connection, const protocol::Answer& answer);
+  /// The same, from any thread.
+  void give_later(std::uint64_t connection, protocol::Answer answer);
 
   // One function per request.
   void answer(Client& client, const protocol::Request& request);
@@ -146,8 +149,7 @@ class Server final : public host::Observer {
   void give_overview(const protocol::GetOverview& request, protocol::Answer& answer);
   void give_topic(const protocol::GetTopic& request, protocol::Answer& answer);
   void give_params(const protocol::GetParams& request, protocol::Answer& answer);
-  void change_params(Client& client, const protocol::ChangeParams& request,
-                     protocol::Answer& answer);
+  void change_params(Client& client, const protocol::Request& request);
   void switch_mode(Client& client, const protocol::SwitchMode& request, protocol::Answer& answer);
   [[nodiscard]] detail::ComponentCore& component_of(const std::string& name) const;
   void switch_to_standby(Client& client, const protocol::Request& request);
@@ -167,7 +169,10 @@ class Server final : public host::Observer {
   void need(bool is_allowed, const char* word, const char* what) const;
   [[nodiscard]] detail::Topic& topic_of(const std::string& name) const;
   [[nodiscard]] std::vector<std::string> documents() const;
-  void note(const Client& client, std::string_view what);
+  /// Its process and user, for the log.
+  [[nodiscard]] static std::string name_of(const Client& client);
+  void note(const std::string& who, std::string_view what);
+  void note(const Client& client, std::string_view what) { note(name_of(client), what); }
 
   host::Application& application_;
   const config::InspectDescription description_;
@@ -209,6 +214,8 @@ class Server final : public host::Observer {
   std::vector<base::Refusal> ignored_;
   base::Thread thread_;
   bool is_running_ = false;
+  /// Changes params if that takes the answers of other processes, for which nothing else may wait.
+  TaskThread waiting_{"fc-params"};
 };
 
 }  // namespace fastcycle::inspect
