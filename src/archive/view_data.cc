@@ -327,24 +327,69 @@ class Values {
 
 // ---- The log ----
 
+using Files = std::span<const mcap::Reader* const>;
+
 /// The messages of a topic, as the log counts them.
-std::uint64_t messages_of(const mcap::Reader& reader, const std::string& topic) {
+std::uint64_t messages_of(Files files, const std::string& topic) {
   std::uint64_t messages = 0;
-  const auto& counts = reader.statistics()->channel_message_counts;
-  for (const auto& [id, channel] : reader.definitions().channels()) {
-    const auto count = counts.find(id);
-    messages += channel.topic == topic && count != counts.end() ? count->second : 0;
+  for (const mcap::Reader* const file : files) {
+    const auto& counts = file->statistics()->channel_message_counts;
+    for (const auto& [id, channel] : file->definitions().channels()) {
+      const auto count = counts.find(id);
+      messages += channel.topic == topic && count != counts.end() ? count->second : 0;
+    }
   }
   return messages;
 }
 
+/// The messages of all files that a query selects, by log time.
+class MergedMessages {
+ public:
+  struct Next {
+    std::size_t file = 0;
+    mcap::StoredMessage message;
+  };
+
+  MergedMessages(Files files, const mcap::MessageQuery& query) {
+    for (const mcap::Reader* const file : files) {
+      sources_.push_back(file->messages(query));
+      heads_.push_back(sources_.back().next());
+    }
+  }
+
+  /// Its data is valid until the next call.
+  std::optional<Next> next() {
+    if (last_) {
+      heads_[*last_] = sources_[*last_].next();
+    }
+    last_.reset();
+    for (std::size_t file = 0; file < heads_.size(); ++file) {
+      if (heads_[file] && (!last_ || heads_[file]->log_time_ns < heads_[*last_]->log_time_ns)) {
+        last_ = file;
+      }
+    }
+    return last_ ? std::optional(Next{.file = *last_, .message = *heads_[*last_]}) : std::nullopt;
+  }
+
+ private:
+  std::vector<mcap::MessageReader> sources_;
+  std::vector<std::optional<mcap::StoredMessage>> heads_;
+  std::optional<std::size_t> last_;  ///< The file of the message that was returned last.
+};
+
+/// One file: its definitions, and the types of its schemas.
+struct File {
+  const mcap::Reader& reader;
+  MessageTypes types = {};
+};
+
 /// The selected data of one layer.
 class LayerData {
  public:
-  LayerData(const Layer& layer, const mcap::Reader& reader, std::uint64_t begin_ns)
-      : layer_(layer), reader_(reader), values_(begin_ns, messages_of(reader, layer.topic)) {}
+  LayerData(const Layer& layer, Files files, std::uint64_t begin_ns)
+      : layer_(layer), values_(begin_ns, messages_of(files, layer.topic)) {}
 
-  void take(const mcap::StoredMessage& message, MessageTypes& types) {
+  void take(const mcap::StoredMessage& message, File& file) {
     const auto time_ns = static_cast<double>(message.publish_time_ns);
     // A little less than the period: messages come at times that are not exact.
     if (time_ns < next_ns_ - layer_.least_period_ns / 10.0) {
@@ -352,7 +397,7 @@ class LayerData {
     }
     const std::size_t before = messages_.size();
     try {
-      const MessageType& type = type_of(*message.channel, types);
+      const MessageType& type = type_of(*message.channel, file);
       const auto parsed = type.parse(message.data);
       messages_ += count_ == 0 ? "[" : ",\n[";
       values_.add_time(static_cast<std::int64_t>(message.publish_time_ns), messages_);
@@ -395,15 +440,15 @@ class LayerData {
   }
 
  private:
-  const MessageType& type_of(const mcap::Channel& channel, MessageTypes& types) const {
+  static const MessageType& type_of(const mcap::Channel& channel, File& file) {
     if (channel.message_encoding != "protobuf") {
       throw std::runtime_error("its messages are no protobuf");
     }
-    const mcap::Schema* const schema = reader_.definitions().find_schema(channel.schema_id);
+    const mcap::Schema* const schema = file.reader.definitions().find_schema(channel.schema_id);
     if (schema == nullptr) {
       throw std::runtime_error("it has no schema");
     }
-    const MessageTypes::Found& found = types.find(*schema);
+    const MessageTypes::Found& found = file.types.find(*schema);
     if (found.type == nullptr) {
       throw std::runtime_error(found.problem);
     }
@@ -435,7 +480,6 @@ class LayerData {
   }
 
   const Layer& layer_;
-  const mcap::Reader& reader_;
   const Values values_;
   std::map<const MessageType*, std::vector<Bound>> bound_;
   double next_ns_ = 0.0;
@@ -446,12 +490,12 @@ class LayerData {
 };
 
 /// Gives a message to its layers.
-void take(const mcap::StoredMessage& message, std::vector<LayerData>& data, MessageTypes& types,
+void take(const mcap::StoredMessage& message, std::vector<LayerData>& data, File& file,
           std::uint64_t most_bytes) {
   std::uint64_t size = 0;
   for (LayerData& layer : data) {
     if (layer.topic() == message.channel->topic) {
-      layer.take(message, types);
+      layer.take(message, file);
     }
     size += layer.bytes();
   }
@@ -464,13 +508,16 @@ void take(const mcap::StoredMessage& message, std::vector<LayerData>& data, Mess
 }
 
 /// The topics that a view could use instead.
-std::string topics_of(const mcap::Reader& reader) {
+std::string topics_of(Files files) {
   constexpr std::size_t kMostNames = 8;
   std::set<std::string> topics;
-  for (const auto& [id, channel] : reader.definitions().channels()) {
-    // Neither what FastCycle publishes itself, nor services and key frames.
-    if (!channel.topic.starts_with("fastcycle/") && channel.topic.find('#') == std::string::npos) {
-      topics.insert(channel.topic);
+  for (const mcap::Reader* const file : files) {
+    for (const auto& [id, channel] : file->definitions().channels()) {
+      // Neither what FastCycle publishes itself, nor services and key frames.
+      if (!channel.topic.starts_with("fastcycle/") &&
+          channel.topic.find('#') == std::string::npos) {
+        topics.insert(channel.topic);
+      }
     }
   }
   std::string names;
@@ -486,14 +533,27 @@ std::string topics_of(const mcap::Reader& reader) {
 
 }  // namespace
 
-ViewData view_data(const mcap::Reader& reader, std::string_view view, const ViewOptions& options,
-                   std::uint64_t bytes, const Progress& progress) {
+std::uint64_t first_message_ns(std::span<const mcap::Reader* const> files) {
+  std::uint64_t first_ns = std::numeric_limits<std::uint64_t>::max();
+  for (const mcap::Reader* const file : files) {
+    const mcap::Statistics& statistics = *file->statistics();
+    if (statistics.message_count > 0) {
+      first_ns = std::min(first_ns, statistics.message_start_time_ns);
+    }
+  }
+  return first_ns == std::numeric_limits<std::uint64_t>::max() ? 0 : first_ns;
+}
+
+ViewData view_data(std::span<const mcap::Reader* const> files, std::string_view view,
+                   const ViewOptions& options, std::uint64_t bytes, const Progress& progress) {
   const auto [constants, layers] = parse_view(view);
-  const mcap::Statistics& statistics = *reader.statistics();
-  const std::uint64_t begin_ns = std::max(options.begin_ns, statistics.message_start_time_ns);
+  std::uint64_t last_ns = 0;
+  for (const mcap::Reader* const file : files) {
+    last_ns = std::max(last_ns, file->statistics()->message_end_time_ns);
+  }
+  const std::uint64_t begin_ns = std::max(options.begin_ns, first_message_ns(files));
   const std::uint64_t end_ns =
-      std::min(options.end_ns.value_or(std::numeric_limits<std::uint64_t>::max()),
-               statistics.message_end_time_ns);
+      std::min(options.end_ns.value_or(std::numeric_limits<std::uint64_t>::max()), last_ns);
   if (begin_ns > end_ns) {
     throw std::runtime_error("there is nothing to draw: the log ends before that");
   }
@@ -504,18 +564,22 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
   mcap::MessageQuery before{.topics = {}, .begin_ns = 0, .end_ns = begin_ns};
   mcap::MessageQuery query{.topics = {}, .begin_ns = begin_ns, .end_ns = options.end_ns};
   for (const Layer& layer : layers) {
-    data.emplace_back(layer, reader, zero_ns);
+    data.emplace_back(layer, files, zero_ns);
     query.topics.push_back(layer.topic);
     if (layer.is_latched) {
       before.topics.push_back(layer.topic);
     }
   }
-  MessageTypes types;
-  const auto take_all = [&](mcap::MessageReader messages) {
-    while (const std::optional<mcap::StoredMessage> message = messages.next()) {
-      take(*message, data, types, options.most_bytes);
+  std::vector<File> all;
+  for (const mcap::Reader* const file : files) {
+    all.push_back({.reader = *file});
+  }
+  const auto take_all = [&](const mcap::MessageQuery& selected) {
+    MergedMessages messages(files, selected);
+    while (const std::optional<MergedMessages::Next> next = messages.next()) {
+      take(next->message, data, all[next->file], options.most_bytes);
       const double since_ns =
-          static_cast<double>(message->log_time_ns) - static_cast<double>(begin_ns);
+          static_cast<double>(next->message.log_time_ns) - static_cast<double>(begin_ns);
       if (progress) {
         progress(static_cast<std::uint64_t>(static_cast<double>(bytes) *
                                             std::clamp(since_ns / span_ns, 0.0, 1.0)));
@@ -523,9 +587,9 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
     }
   };
   if (!before.topics.empty()) {
-    take_all(reader.messages(std::move(before)));
+    take_all(before);
   }
-  take_all(reader.messages(std::move(query)));
+  take_all(query);
 
   ViewData result;
   result.json = fmt::format("{{\"begin_ns\":\"{}\",\"duration\":", zero_ns);
@@ -548,7 +612,7 @@ ViewData view_data(const mcap::Reader& reader, std::string_view view, const View
   }
   result.json += "}}";
   if (is_first && !options.may_be_empty) {
-    throw std::runtime_error(fmt::format("there is nothing to draw: {}; {}", topics_of(reader),
+    throw std::runtime_error(fmt::format("there is nothing to draw: {}; {}", topics_of(files),
                                          fmt::join(result.left_out, "; ")));
   }
   return result;

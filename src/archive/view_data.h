@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -27,7 +28,10 @@ struct ViewData {
   std::vector<std::string> left_out = {};  ///< Layers without matching messages in the log.
 };
 
-/// The data of a log for a page, selected by a view:
+/// The log time of the earliest message in all files; 0 without any.
+std::uint64_t first_message_ns(std::span<const mcap::Reader* const> files);
+
+/// The data of a log, of one or several files, for a page, selected by a view:
 ///
 ///     {"layers": {"ego": {"topic": "localization/ego", "most_hz": 50,
 ///                         "fields": {"x": "x_m", "time": {"from": "header.taken_ns", "time":
@@ -43,7 +47,8 @@ struct ViewData {
 /// @errors  `ViewError`. `std::runtime_error` if no layer has messages and one must, or more than
 /// `most_bytes`
 ///          would be needed. `mcap::Error` of the log.
-ViewData view_data(const mcap::Reader& reader, std::string_view view, const ViewOptions& options,
-                   std::uint64_t bytes = 0, const Progress& progress = {});
+ViewData view_data(std::span<const mcap::Reader* const> files, std::string_view view,
+                   const ViewOptions& options, std::uint64_t bytes = 0,
+                   const Progress& progress = {});
 
 }  // namespace fastcycle::archive

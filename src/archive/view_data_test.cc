@@ -26,8 +26,9 @@ struct Viewed {
 Viewed viewed(const std::string& file, const std::string& view, const ViewOptions& options = {}) {
   const mcap::MemorySource source(mcap::bytes_of(file), "test.mcap");
   const mcap::Reader reader(source);
+  const std::array files{&reader};
   Viewed result;
-  result.data = view_data(reader, view, options);
+  result.data = view_data(files, view, options);
   result.page = json::parse(result.data.json);
   return result;
 }
@@ -118,6 +119,22 @@ TEST(ViewData, PointsAreThinnedAndPacked) {
             "ZAA4/zIAAQAsAQAAAAABAA==");
   EXPECT_EQ(messages(fields(scenes({"image: '" + escaped + "'"}), points(1)))[0][1],
             "ZAA4/zIAAQA=");
+}
+
+TEST(ViewData, FilesOfALogAreReadInTheOrderOfTheirTimes) {
+  const mcap::MemorySource first(mcap::bytes_of(scenes({"name: 'a'", "name: 'c'"})), "1.mcap");
+  const mcap::MemorySource second(mcap::bytes_of(scenes({"name: 'b'", "name: 'd'"})), "2.mcap");
+  const mcap::Reader first_reader(first);
+  const mcap::Reader second_reader(second);
+  const std::array files{&first_reader, &second_reader};
+
+  const ViewData data =
+      view_data(files, R"({"layers": {"it": {"topic": "scene", "fields": {"name": "name"}}}})", {});
+
+  const json page = json::parse(data.json);
+  EXPECT_EQ(data.messages, 4U);
+  EXPECT_EQ(page["layers"]["it"]["messages"],
+            json::parse(R"([[0, "a"], [0, "b"], [0, "c"], [0, "d"]])"));
 }
 
 TEST(ViewData, ALayerMayHaveFewerMessages) {

@@ -22,6 +22,7 @@
 #include "exact_replaying.h"
 #include "fastcycle/version.h"
 #include "file_work.h"
+#include "log_files.h"
 #include "mcap/error.h"
 #include "mcap/writer.h"
 #include "print.h"
@@ -140,23 +141,19 @@ std::unique_ptr<archive::OutputFile> page_file(const CompareOptions& options) {
 int write_page(const CompareOptions& options, const DriveView& view,
                const std::vector<TopicChange>& topics, const fs::path& new_log,
                archive::OutputFile& file, FileWork& work) {
-  const fs::path& log = options.replaying.files.front();
+  const LogFiles recorded(options.replaying.files);
   std::string data;
   try {
-    const mcap::FileSource recorded(log);
-    const mcap::Reader recorded_reader(recorded);
-    const archive::ViewOptions times{.zero_ns =
-                                         recorded_reader.statistics()->message_start_time_ns};
-    data = archive::view_data(recorded_reader, view.text, times, recorded.size(),
-                              work.progress(log.filename().string(), recorded.size()))
+    const archive::ViewOptions times{.zero_ns = archive::first_message_ns(recorded.readers())};
+    data = archive::view_data(recorded.readers(), view.text, times, recorded.bytes(),
+                              work.progress(recorded.name(), recorded.bytes()))
                .json;
     data.pop_back();  // Its last brace.
-    const mcap::FileSource now(new_log);
-    const mcap::Reader now_reader(now);
+    const LogFiles now({new_log});
     archive::ViewOptions new_times = times;
     new_times.may_be_empty = true;
     ordered_json differences = host::json_of(topics, static_cast<std::int64_t>(*times.zero_ns));
-    data += ",\"other\":" + archive::view_data(now_reader, view.text, new_times).json +
+    data += ",\"other\":" + archive::view_data(now.readers(), view.text, new_times).json +
             ",\"differences\":";
     // Nothing in it ends the element of the page that it stands in.
     for (const char letter :
@@ -167,7 +164,7 @@ int write_page(const CompareOptions& options, const DriveView& view,
   } catch (const archive::ViewError& error) {
     return print_error("compare", view.name + ": " + error.what());
   }
-  write_drive_page(log.filename().string() + ", recorded and new", data, file.sink());
+  write_drive_page(recorded.name() + ", recorded and new", data, file.sink());
   file.commit();
   print_to(stdout, "{}: {}\n", options.page.string(), bytes_text(fs::file_size(options.page)));
   return kDone;

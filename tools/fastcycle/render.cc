@@ -12,7 +12,7 @@
 #include "command.h"
 #include "drive_page.h"
 #include "file_work.h"
-#include "mcap/reader.h"
+#include "log_files.h"
 #include "print.h"
 #include "quantity.h"
 #include "rewriting.h"
@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct RenderOptions {
-  fs::path file;
+  std::vector<fs::path> files;
   fs::path output;
   fs::path view;
   std::string start;
@@ -34,20 +34,22 @@ struct RenderOptions {
 
 int render_log(const RenderOptions& options, const archive::ViewOptions& times) {
   const DriveView view = DriveView::read(options.view);
-  const mcap::FileSource source(options.file);
-  const mcap::Reader reader(source);
-  if (reader.problem()) {
-    print_problem("render", *reader.problem(), "the readable part was used");
+  const LogFiles log(options.files);
+  for (const mcap::Reader* const file : log.readers()) {
+    if (file->problem()) {
+      print_problem("render", *file->problem(), "the readable part was used");
+    }
   }
   archive::ViewOptions from_log = times;
-  const std::uint64_t first_ns = reader.statistics()->message_start_time_ns;
+  const std::uint64_t first_ns = archive::first_message_ns(log.readers());
   from_log.begin_ns += first_ns;
   if (from_log.end_ns) {
     *from_log.end_ns += first_ns;
   }
-  const fs::path output =
-      options.output.empty() ? fs::path(options.file).replace_extension(".html") : options.output;
-  std::vector<fs::path> inputs{options.file};
+  const fs::path output = options.output.empty()
+                              ? fs::path(options.files.front()).replace_extension(".html")
+                              : options.output;
+  std::vector<fs::path> inputs = options.files;
   if (!options.view.empty()) {
     inputs.push_back(options.view);
   }
@@ -55,12 +57,12 @@ int render_log(const RenderOptions& options, const archive::ViewOptions& times) 
   archive::OutputFile file(output, {.may_replace = options.is_forced, .inputs = inputs});
   archive::ViewData data;
   try {
-    data = archive::view_data(reader, view.text, from_log, source.size(),
-                              work.progress(options.file.filename().string(), source.size()));
+    data = archive::view_data(log.readers(), view.text, from_log, log.bytes(),
+                              work.progress(log.name(), log.bytes()));
   } catch (const archive::ViewError& error) {
     return print_error("render", view.name + ": " + error.what());
   }
-  write_drive_page(options.file.filename().string(), data.json, file.sink());
+  write_drive_page(log.name(), data.json, file.sink());
   file.commit();
   if (!options.is_quiet) {
     for (const std::string& layer : data.left_out) {
@@ -94,9 +96,12 @@ Command add_render(CLI::App& program) {
   line->footer(
       examples("  fastcycle render drive.mcap\n"
                "  fastcycle render drive.mcap -o first.html --end 30s\n"
+               "  fastcycle render drive_*.mcap -o drive.html\n"
                "  fastcycle render drive.mcap --view other.json\n"));
   const auto options = std::make_shared<RenderOptions>();
-  line->add_option("file", options->file, "The log")->required()->type_name("FILE");
+  line->add_option("files", options->files, "The log, all files of a split one")
+      ->required()
+      ->type_name("FILE");
   line->add_option("-o,--output", options->output,
                    "Output (beside the log: drive.html for drive.mcap)")
       ->type_name("FILE");
