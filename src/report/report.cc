@@ -992,10 +992,27 @@ std::string flight_recorder_text(const record::FlightReport& flight_recorder) {
   return text;
 }
 
+/// Empty if it lost nothing.
+std::string losses_text(const ProcessReport::Link& link) {
+  std::string reasons;
+  const auto add = [&](std::uint64_t count, const char* reason) {
+    if (count > 0) {
+      reasons += fmt::format("{}{} ({})", reasons.empty() ? "" : ", ", count, reason);
+    }
+  };
+  add(link.overflowed, "its queue was full");
+  add(link.over_quota, "it held too many");
+  add(link.unshared,
+      "not in shared memory, which was full, or a library has an operator new of its own");
+  return reasons.empty()
+             ? ""
+             : fmt::format("  {}: lost on the way to process {}: {}", link.topic, link.to, reasons);
+}
+
 std::string processes_text(const std::vector<ProcessReport>& processes) {
   Rows rows;
   rows.add({"PROCESS", "CPU", "MEMORY MiB", "RESTARTS", "GIVEN", "COPIED", "LOST"});
-  std::string copied;
+  std::string remarks;
   for (const ProcessReport& process : processes) {
     if (!process.has_reported) {
       rows.add({shortened(process.name, kNameColumns), "-", "-", std::to_string(process.restarts),
@@ -1009,10 +1026,14 @@ std::string processes_text(const std::vector<ProcessReport>& processes) {
       all.copied += link.copied;
       all.unshared += link.unshared + link.overflowed + link.over_quota;
       if (link.copied > 0 && reported.insert(link.topic).second) {
-        copied += wrapped(fmt::format("  {}: {} of {} messages were copied for other processes{}{}",
-                                      link.topic, link.copied, link.given,
-                                      link.always_copied.empty() ? "" : ": ", link.always_copied),
-                          "      ");
+        remarks +=
+            wrapped(fmt::format("  {}: {} of {} messages were copied for other processes{}{}",
+                                link.topic, link.copied, link.given,
+                                link.always_copied.empty() ? "" : ": ", link.always_copied),
+                    "      ");
+      }
+      if (const std::string losses = losses_text(link); !losses.empty()) {
+        remarks += wrapped(losses, "      ");
       }
     }
     rows.add({shortened(process.name, kNameColumns), time_text(process.cpu_s * 1e9),
@@ -1020,7 +1041,7 @@ std::string processes_text(const std::vector<ProcessReport>& processes) {
               std::to_string(process.restarts), std::to_string(all.given),
               std::to_string(all.copied), std::to_string(all.unshared)});
   }
-  return rows.text() + copied;
+  return rows.text() + remarks;
 }
 
 std::string results_text(const RunReport& report) {

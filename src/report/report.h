@@ -136,7 +136,7 @@ struct ProcessReport {
     std::uint64_t given = 0;
     std::uint64_t copied = 0;        ///< Had to be copied into shared memory.
     std::uint64_t repaired = 0;      ///< Had some strings copied there.
-    std::uint64_t unshared = 0;      ///< Lost: shared memory was full.
+    std::uint64_t unshared = 0;      ///< Lost: not in shared memory, which was full.
     std::uint64_t overflowed = 0;    ///< Lost: the queue was full.
     std::uint64_t over_quota = 0;    ///< Lost: the other process held its maximum.
     std::uint64_t taken_back = 0;    ///< Held by the other process when it ended.

@@ -264,6 +264,17 @@ TEST(ReportTable, EveryFaultIsNamedWithItsComponent) {
   EXPECT_THAT(table, HasSubstr("fault of camera: 1 more\n"));
 }
 
+TEST(ReportTable, NamesWhyMessagesAreLostOnTheWayToAnotherProcess) {
+  RunReport report;
+  report.processes.push_back(
+      {.name = "main",
+       .links = {{.topic = "numbers", .to = "sinks", .given = 7, .unshared = 2, .overflowed = 1}}});
+
+  const std::string table = to_table(report);
+  EXPECT_THAT(table, HasSubstr("numbers: lost on the way to process sinks: 1 (its queue was full), "
+                               "2 (not in shared memory"));
+}
+
 TEST(ReportTable, StaysWithin120Columns) {
   const std::string long_name = "front/" + std::string(230, 'a') + "/end";
   constexpr std::uint64_t kMany = 12'345'678'901'234;
