@@ -71,6 +71,14 @@ TEST_F(PinnedLibraries, RunWithAllThatTheyNeed) {
   EXPECT_EQ(ended.code, 0) << ended.errors;
 }
 
+TEST_F(PinnedLibraries, AreAlsoThoseOfShadows) {
+  folder_.write("app.json", R"({"name": "pinned", "components": [
+      {"name": "talker", "library": "examples/hello_talker", "serve_period_ms": 10}],
+      "shadow": [{"of": "talker", "library": "own"}]})");
+
+  EXPECT_TRUE(pins()["libraries"]["sha256"].contains("own")) << pins();
+}
+
 TEST_F(PinnedLibraries, AreRefusedWithOtherContents) {
   const json overlay = pins();
   folder_.write("libown.so", read_file(folder_ / "libown.so") + "x");

@@ -106,10 +106,19 @@ std::string processes_text(const config::ApplicationDescription& description) {
 /// on success.
 std::string print_pins(const config::ApplicationDescription& description,
                        const host::LibraryLoader& libraries) {
-  std::map<std::string, std::filesystem::path> files;
+  std::vector<std::string> names;
   for (const config::ComponentDescription& component : description.components) {
-    const std::filesystem::path file = libraries.file_of(component.library);
-    files[component.library] = file;
+    names.push_back(component.library);
+  }
+  for (const config::ShadowDescription& shadow : description.shadows) {
+    if (!shadow.library.empty()) {
+      names.push_back(shadow.library);
+    }
+  }
+  std::map<std::string, std::filesystem::path> files;
+  for (const std::string& name : names) {
+    const std::filesystem::path file = libraries.file_of(name);
+    files[name] = file;
     for (const host::NeededLibrary& needed : host::needed_libraries(file)) {
       files[needed.name] = needed.file;
     }
