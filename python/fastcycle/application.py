@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from fastcycle.errors import ApplicationError, NotFoundError
 from fastcycle.messages import Message, MessageClasses, serialize
 
 _PATIENCE_S = 5.0
+_RELOAD_PATIENCE_S = 60.0  # A trial may take long, and so may the component's threads.
 _SLICE_MS = 100  # So often a wait looks whether Ctrl-C was pressed.
 _PACKAGE = "fastcycle.inspect.protocol"
 
@@ -47,6 +49,11 @@ def connect(name: str | None = None) -> Application:
     return Application(RunningApplication(*_fastcycle.find_application(name or "")))
 
 
+class _ClosedError(ValueError):
+    def __init__(self) -> None:
+        super().__init__("the connection is closed")
+
+
 class _Session:
     """A connection on which requests are answered."""
 
@@ -62,7 +69,7 @@ class _Session:
     @property
     def connection(self) -> _fastcycle.Connection:
         if self._connection is None:
-            raise ValueError("the connection is closed")
+            raise _ClosedError
         return self._connection
 
     def post(self, request: Any) -> int:
@@ -141,7 +148,7 @@ class Application:
 
     @property
     def allow(self) -> list[str]:
-        """What may be changed: `params`, `publish`, `lifecycle`."""
+        """What may be changed: `params`, `publish`, `lifecycle`, `reload`."""
         return list(self._welcome.allow)
 
     def overview(self) -> Any:
@@ -209,6 +216,54 @@ class Application:
     def activate(self, component: str) -> None:
         """Activates a component that was deactivated."""
         self._change_life(component, "ACTION_START")
+
+    def switch_to_standby(self, component: str) -> None:
+        """Hands the process of a component over to its standby. Needs `lifecycle`."""
+        self._change_life(component, "ACTION_SWITCH")
+
+    def reload(
+        self,
+        component: str,
+        library: str | os.PathLike[str],
+        *,
+        class_name: str = "",
+        params: Mapping[str, Any] | None = None,
+        probation: float = 10.0,
+        misses_forgiven: int = 2,
+    ) -> None:
+        """Replaces a component by one of another library, with its declared state.
+
+        Needs `reload`. Raises ApplicationError with the reason if the new component is refused; the
+        old one then continues.
+
+        Args:
+            component: The component.
+            library: Name as in the application file, or a file `….so`.
+            class_name: The class, if the library contains several.
+            params: Params to change.
+            probation: Seconds of application time in which a fault, a hanging call or missed
+                deadlines roll it back; 0: none.
+            misses_forgiven: Number of missed deadlines that do not.
+        """
+        name = os.fspath(library)
+        self._change_life(
+            component,
+            "ACTION_RELOAD",
+            _RELOAD_PATIENCE_S,
+            library=os.path.abspath(name) if name.endswith(".so") else name,
+            class_name=class_name,
+            params_json="" if params is None else json.dumps(dict(params)),
+            probation_ns=round(probation * 1e9),
+            misses_forgiven=misses_forgiven,
+        )
+
+    def roll_back(self, component: str) -> None:
+        """Rolls back a reload during its probation. Needs `reload`."""
+        self._change_life(component, "ACTION_ROLL_BACK")
+
+    def confirm(self, component: str) -> None:
+        """Accepts a reload and ends its probation. Needs `reload`."""
+        self._change_life(component, "ACTION_CONFIRM")
 
     def log(
         self, level: str = "debug", component: str = "", timeout: float | None = None
@@ -291,13 +346,18 @@ class Application:
         request.overview.without_components = True
         return self._session.ask(request).overview
 
-    def _change_life(self, component: str, action: str) -> None:
-        request = _protocol("Request")(lifecycle={"component": component, "action": action})
-        self._ask_to_change(request, component, "component", lambda: self.components)
+    def _change_life(
+        self, component: str, action: str, patience_s: float = _PATIENCE_S, **more: Any
+    ) -> None:
+        wanted = {"component": component, "action": action, **more}
+        request = _protocol("Request")(lifecycle=wanted)
+        self._ask_to_change(request, component, "component", lambda: self.components, patience_s)
 
-    def _ask_to_change(self, request: Any, name: str, what: str, known: Any) -> None:
+    def _ask_to_change(
+        self, request: Any, name: str, what: str, known: Any, patience_s: float = _PATIENCE_S
+    ) -> None:
         try:
-            self._session.ask(request)
+            self._session.ask(request, patience_s)
         except ApplicationError as error:
             if error.kind != "not_found":
                 raise
@@ -335,7 +395,53 @@ def _not_found(name: str, what: str, known: Mapping[str, Any]) -> NotFoundError:
     return NotFoundError(f"no {what} {name!r}; {hint}")
 
 
-class Subscription(Iterator[Message]):
+class _Stream:
+    """What arrives on a session of its own, until it ends or is closed by any thread."""
+
+    def __init__(self, session: _Session, what: str, timeout: float | None) -> None:
+        self.lost = 0
+        self._session: _Session | None = session
+        self._what = what
+        self._timeout = timeout
+        self._waiting: list[Any] = []
+        self._is_closed = False
+
+    def close(self) -> None:
+        """Ends the stream; what was not read is dropped. Iterations of other threads end."""
+        self._is_closed = True  # Another thread may be reading what waits.
+        self._end()
+
+    def _end(self) -> None:
+        if self._session is not None:
+            self._session.close()
+        self._session = None
+
+    def _next(self) -> Any:
+        """The next of what waits. Raises StopIteration at the end."""
+        if self._is_closed:
+            raise StopIteration
+        while not self._waiting:
+            session = self._session
+            if session is None:
+                raise StopIteration
+            deadline = None if self._timeout is None else time.monotonic() + self._timeout
+            try:
+                answer = session.take(deadline)
+            except _ClosedError:
+                raise StopIteration from None
+            if answer is None:
+                raise TimeoutError(f"no {self._what} for {self._timeout} s")
+            if answer.HasField("ended"):
+                self._end()
+            else:
+                self._receive(answer)
+        return self._waiting.pop(0)
+
+    def _receive(self, answer: Any) -> None:
+        raise NotImplementedError
+
+
+class Subscription(_Stream, Iterator[Message]):
     """Messages of a topic of a running application. Made by `Application.subscribe`.
 
     Iteration ends when the application stops, or after `close`.
@@ -354,26 +460,12 @@ class Subscription(Iterator[Message]):
         options: dict[str, Any],
         timeout: float | None,
     ) -> None:
+        super().__init__(session, f"message on {topic!r}", timeout)
         self.topic = topic
-        self.lost = 0
-        self._session: _Session | None = session
         self._class = message_class
-        self._timeout = timeout
         self._publishers: dict[int, str] = {}
-        self._waiting: list[Any] = []
-        self._is_closed = False
         stream = {"topic": topic, "content": "CONTENT_FULL", **options}
-        self._learn(session.ask(_protocol("Request")(stream=stream)))
-
-    def close(self) -> None:
-        """Ends the subscription; unread messages are dropped."""
-        self._is_closed = True  # Another thread may be reading what waits.
-        self._end()
-
-    def _end(self) -> None:
-        if self._session is not None:
-            self._session.close()
-        self._session = None
+        self._receive(session.ask(_protocol("Request")(stream=stream)))
 
     def __enter__(self) -> Subscription:
         return self
@@ -382,13 +474,7 @@ class Subscription(Iterator[Message]):
         self.close()
 
     def __next__(self) -> Message:
-        if self._is_closed:
-            raise StopIteration
-        while not self._waiting:
-            if self._session is None:
-                raise StopIteration
-            self._receive(self._session)
-        message = self._waiting.pop(0)
+        message = self._next()
         return Message(
             topic=self.topic,
             time=message.publish_time_ns,
@@ -398,22 +484,13 @@ class Subscription(Iterator[Message]):
             publish_time=message.publish_time_ns,
         )
 
-    def _receive(self, session: _Session) -> None:
-        deadline = None if self._timeout is None else time.monotonic() + self._timeout
-        answer = session.take(deadline)
-        if answer is None:
-            raise TimeoutError(f"no message on {self.topic!r} for {self._timeout} s")
+    def _receive(self, answer: Any) -> None:
         if answer.HasField("messages"):
             self.lost += answer.messages.lost
             self._waiting += answer.messages.messages
         elif answer.HasField("started"):
-            self._learn(answer)
-        elif answer.HasField("ended"):
-            self._end()
-
-    def _learn(self, answer: Any) -> None:
-        for channel in answer.started.channels:
-            self._publishers[channel.channel] = channel.component
+            for channel in answer.started.channels:
+                self._publishers[channel.channel] = channel.component
 
 
 @dataclass(frozen=True)
@@ -433,7 +510,7 @@ class LogLine:
     text: str
 
 
-class LogLines(Iterator[LogLine]):
+class LogLines(_Stream, Iterator[LogLine]):
     """Lines of the log of a running application. Made by `Application.log`.
 
     Iteration ends when the application stops, or after `close`.
@@ -443,22 +520,8 @@ class LogLines(Iterator[LogLine]):
     """
 
     def __init__(self, session: _Session, options: dict[str, str], timeout: float | None) -> None:
-        self.lost = 0
-        self._session: _Session | None = session
-        self._timeout = timeout
-        self._waiting: list[Any] = []
-        self._is_closed = False
+        super().__init__(session, "line of the log", timeout)
         session.ask(_protocol("Request")(stream_log=options))
-
-    def close(self) -> None:
-        """Ends the stream; unread lines are dropped."""
-        self._is_closed = True  # Another thread may be reading what waits.
-        self._end()
-
-    def _end(self) -> None:
-        if self._session is not None:
-            self._session.close()
-        self._session = None
 
     def __enter__(self) -> LogLines:
         return self
@@ -467,22 +530,13 @@ class LogLines(Iterator[LogLine]):
         self.close()
 
     def __next__(self) -> LogLine:
-        if self._is_closed:
-            raise StopIteration
-        while not self._waiting:
-            if self._session is None:
-                raise StopIteration
-            deadline = None if self._timeout is None else time.monotonic() + self._timeout
-            answer = self._session.take(deadline)
-            if answer is None:
-                raise TimeoutError(f"no line of the log for {self._timeout} s")
-            if answer.HasField("log"):
-                self.lost += answer.log.lost
-                self._waiting += answer.log.lines
-            elif answer.HasField("ended"):
-                self._end()
-        line = self._waiting.pop(0)
+        line = self._next()
         return LogLine(line.time_ns, line.level, line.component, line.text)
+
+    def _receive(self, answer: Any) -> None:
+        if answer.HasField("log"):
+            self.lost += answer.log.lost
+            self._waiting += answer.log.lines
 
 
 @dataclass(frozen=True)

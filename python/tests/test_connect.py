@@ -112,6 +112,23 @@ def test_a_closed_subscription_ends_with_messages_unread(
     assert list(readings) == []
 
 
+def test_a_stream_that_another_thread_closes_while_it_waits_ends(
+    application: fastcycle.Application,
+) -> None:
+    def read(stream: Iterator[object], ended: threading.Event) -> None:
+        list(stream)
+        ended.set()
+
+    for stream in (application.subscribe("orders"), application.log()):
+        ended = threading.Event()
+        thread = threading.Thread(target=read, args=(stream, ended))
+        thread.start()
+        time.sleep(0.1)  # Usually it waits by then.
+        stream.close()
+        thread.join()
+        assert ended.is_set()
+
+
 def test_publishes(application: fastcycle.Application) -> None:
     with application.subscribe("orders", timeout=LIMIT_S) as orders:
         application.publish("orders", {"value": 7, "text": "from a dict"})
@@ -242,6 +259,25 @@ def test_changes_the_life_of_components(folder: pathlib.Path) -> None:
     with running(folder, "closed"), fastcycle.connect() as application:
         with pytest.raises(fastcycle.ApplicationError) as raised:
             application.restart("filter")
+        assert raised.value.kind == "not_allowed"
+
+
+def test_reloads_components(folder: pathlib.Path) -> None:
+    with running(folder, "reloaded", "reload"), fastcycle.connect() as application:
+        wait_until(lambda: application.components["filter"].state == "active")
+        application.reload("filter", "live_parts", class_name="Filter", params={"gain": 7})
+        assert application.params["filter.gain"] == 7
+        application.roll_back("filter")
+        wait_until(lambda: application.params["filter.gain"] == 2)
+        application.reload("filter", "live_parts", class_name="Filter", params={"gain": 8})
+        application.confirm("filter")
+        with pytest.raises(fastcycle.ApplicationError, match="probation"):
+            application.roll_back("filter")
+        assert application.params["filter.gain"] == 8
+        with pytest.raises(fastcycle.ApplicationError, match="absent_library"):
+            application.reload("filter", "absent_library")
+        with pytest.raises(fastcycle.ApplicationError) as raised:
+            application.switch_to_standby("filter")
         assert raised.value.kind == "not_allowed"
 
 
