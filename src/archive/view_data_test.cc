@@ -122,8 +122,10 @@ TEST(ViewData, PointsAreThinnedAndPacked) {
 }
 
 TEST(ViewData, FilesOfALogAreReadInTheOrderOfTheirTimes) {
-  const mcap::MemorySource first(mcap::bytes_of(scenes({"name: 'a'", "name: 'c'"})), "1.mcap");
-  const mcap::MemorySource second(mcap::bytes_of(scenes({"name: 'b'", "name: 'd'"})), "2.mcap");
+  const std::string first_file = scenes({"name: 'a'", "name: 'c'"});
+  const std::string second_file = scenes({"name: 'b'", "name: 'd'"});
+  const mcap::MemorySource first(mcap::bytes_of(first_file), "1.mcap");
+  const mcap::MemorySource second(mcap::bytes_of(second_file), "2.mcap");
   const mcap::Reader first_reader(first);
   const mcap::Reader second_reader(second);
   const std::array files{&first_reader, &second_reader};
