@@ -74,39 +74,58 @@ Pool::~Pool() {
   for (void* remains : quarantine_) {
     ::operator delete(remains);
   }
+  delete[] late_kept_.load(std::memory_order_relaxed);
 }
 
 void Pool::add_counts(Slab& slab) const {
-  slab.kept_samples = std::make_unique<std::atomic<std::uint32_t>[]>(slab.count * holder_count_);
+  const std::size_t holders = holder_count_ + late_count_;
+  slab.kept_samples = std::make_unique<std::atomic<std::uint32_t>[]>(slab.count * holders);
   for (std::size_t i = 0; i < slab.count; ++i) {
-    slab.envelopes[i].kept_samples = &slab.kept_samples[i * holder_count_];
+    slab.envelopes[i].kept_samples = &slab.kept_samples[i * holders];
   }
 }
 
-void Pool::distinguish_holders(std::size_t count) {
+void Pool::distinguish_holders(std::size_t count, std::size_t late_count) {
   holder_count_ = count;
+  late_count_ = late_count;
   kept_ = std::make_unique<Kept[]>(count);
   for (Slab& slab : slabs_) {
     add_counts(slab);
   }
 }
 
+void Pool::provide_for_late_holders() {
+  if (late_count_ > 0 && late_kept_.load(std::memory_order_relaxed) == nullptr) {
+    late_kept_.store(std::make_unique<Kept[]>(late_count_).release(), std::memory_order_release);
+  }
+}
+
+void Pool::declare_kept(Holder holder, std::size_t count) {
+  if (holder >= holder_count_ && holder - holder_count_ < late_count_) {
+    provide_for_late_holders();
+  }
+  if (Kept* const kept = find_kept(holder)) {
+    kept->declared.store(count, std::memory_order_relaxed);
+  }
+}
+
 void Pool::count_kept(Envelope& envelope, Holder holder) noexcept {
-  if (holder >= holder_count_ ||
+  Kept* const kept = find_kept(holder);
+  if (kept == nullptr ||
       envelope.kept_samples[holder].fetch_add(1, std::memory_order_relaxed) != 0) {
     return;
   }
-  Kept& kept = kept_[holder];
-  kept.messages.fetch_add(1, std::memory_order_relaxed);
-  if (kept.is_too_much() && !is_overdrawn()) {
+  kept->messages.fetch_add(1, std::memory_order_relaxed);
+  if (kept->is_too_much() && !is_overdrawn()) {
     is_overdrawn_.store(true, std::memory_order_relaxed);
   }
 }
 
 void Pool::count_let_go(Envelope& envelope, Holder holder) noexcept {
-  if (holder < holder_count_ &&
+  Kept* const kept = find_kept(holder);
+  if (kept != nullptr &&
       envelope.kept_samples[holder].fetch_sub(1, std::memory_order_relaxed) == 1) {
-    kept_[holder].messages.fetch_sub(1, std::memory_order_relaxed);
+    kept->messages.fetch_sub(1, std::memory_order_relaxed);
   }
 }
 
@@ -116,14 +135,14 @@ void Pool::count_forwarded(Envelope& forward, Holder holder) noexcept {
     count_kept(*forward.foreign, holder);
     return;
   }
-  if (holder >= holder_count_) {
+  Kept* const kept = find_kept(holder);
+  if (kept == nullptr) {
     return;
   }
   // On the way of a message: no step that waits for another CPU, but for one look now and then.
-  Kept& kept = kept_[holder];
-  const std::uint32_t count = kept.forwarded.load(std::memory_order_relaxed) + 1;
-  kept.forwarded.store(count, std::memory_order_relaxed);
-  if (count % kForwardsPerLook == 0 && kept.is_too_much() && !is_overdrawn()) {
+  const std::uint32_t count = kept->forwarded.load(std::memory_order_relaxed) + 1;
+  kept->forwarded.store(count, std::memory_order_relaxed);
+  if (count % kForwardsPerLook == 0 && kept->is_too_much() && !is_overdrawn()) {
     is_overdrawn_.store(true, std::memory_order_relaxed);
   }
 }
@@ -131,8 +150,8 @@ void Pool::count_forwarded(Envelope& forward, Holder holder) noexcept {
 void Pool::count_came_back(const Envelope& forward) noexcept {
   if (forward.is_forwarded_again) {
     count_let_go(*forward.foreign, forward.foreign_holder);
-  } else if (forward.foreign_holder < holder_count_) {
-    kept_[forward.foreign_holder].came_back.fetch_add(1, std::memory_order_release);
+  } else if (Kept* const kept = find_kept(forward.foreign_holder)) {
+    kept->came_back.fetch_add(1, std::memory_order_release);
   }
 }
 
@@ -152,7 +171,7 @@ void Pool::grow(std::size_t count, const google::protobuf::Message* prototype) {
             .envelopes = std::make_unique<Envelope[]>(count),
             .trails = trail_count_ == 0 ? nullptr : std::make_unique<Trail[]>(count * trail_count_),
             .kept_samples = nullptr};
-  if (holder_count_ > 0) {
+  if (holder_count_ + late_count_ > 0) {
     add_counts(slab);
   }
   for (std::size_t i = 0; i < count; ++i) {
@@ -194,7 +213,7 @@ void Pool::revive(Envelope& envelope) {
     quarantine_.push_back(remains);
     if (quarantine_.size() > kQuarantined) {
       ::operator delete(quarantine_.front());
-      quarantine_.pop_front();
+      quarantine_.erase(quarantine_.begin());
     }
   }
 }

@@ -3,7 +3,6 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <memory>
 #include <vector>
 
@@ -52,19 +51,18 @@ class Pool {
   /// `take`.
   void grow(std::size_t count, const google::protobuf::Message* prototype = nullptr);
 
-  /// Enables counting of the samples that each of `count` holders keeps; before anything is
-  /// published.
-  void distinguish_holders(std::size_t count);
+  /// Enables counting of the samples that each of `count` holders keeps, and of `late_count` more,
+  /// whose counters are allocated when the first of them is declared; before anything is published.
+  void distinguish_holders(std::size_t count, std::size_t late_count);
+  /// Allocates the counters of the late holders now.
+  void provide_for_late_holders();
   /// How many messages `holder` keeps beyond its callbacks. Safe.
   [[nodiscard]] std::size_t kept_by(Holder holder) const noexcept {
-    return holder < holder_count_ ? kept_[holder].count() : 0;
+    const Kept* const kept = find_kept(holder);
+    return kept == nullptr ? 0 : kept->count();
   }
   /// Sets how many messages `holder` declares to keep; before it receives any.
-  void declare_kept(Holder holder, std::size_t count) noexcept {
-    if (holder < holder_count_) {
-      kept_[holder].declared.store(count, std::memory_order_relaxed);
-    }
-  }
+  void declare_kept(Holder holder, std::size_t count);
   /// Whether a holder ever kept more than it declared, with a tolerance of `kToleratedKept`.
   [[nodiscard]] bool is_overdrawn() const noexcept {
     return is_overdrawn_.load(std::memory_order_relaxed);
@@ -140,6 +138,15 @@ class Pool {
   };
   ~Pool();
 
+  /// Null for holders whose messages are not counted.
+  [[nodiscard]] Kept* find_kept(Holder holder) const noexcept {
+    if (holder < holder_count_) {
+      return &kept_[holder];
+    }
+    Kept* const late = late_kept_.load(std::memory_order_acquire);
+    return late != nullptr && holder - holder_count_ < late_count_ ? &late[holder - holder_count_]
+                                                                   : nullptr;
+  }
   void add_counts(Slab& slab) const;
   [[nodiscard]] std::unique_ptr<google::protobuf::Message> make_message() const;
   void poison(Envelope& envelope) noexcept;
@@ -154,13 +161,16 @@ class Pool {
   const Poison poison_;
   // Constant once anything is published.
   std::size_t holder_count_ = 0;
+  std::size_t late_count_ = 0;
   std::unique_ptr<Kept[]> kept_;  ///< By holder.
+  /// Those of the late holders, which most topics never have.
+  std::atomic<Kept*> late_kept_{nullptr};
 
   // Owner only.
   std::vector<Slab> slabs_;  ///< All envelopes, as long as the pool exists.
   const google::protobuf::Message* prototype_ =
       nullptr;                    ///< Of poisoned messages that are revived.
-  std::deque<void*> quarantine_;  ///< Their memory, the last ones.
+  std::vector<void*> quarantine_;  ///< Their memory, the last ones.
   /// A list of lists: envelopes that were returned together stay together. The first of each points
   /// to the next list.
   Envelope* free_ = nullptr;

@@ -100,8 +100,8 @@ void PublisherCore::distinguish_holders(std::size_t count) {
   if (published() > 0) {
     return;  // Holders are counted already, or not at all.
   }
-  pool_->distinguish_holders(count + kLateHolders);
-  forwards_->distinguish_holders(count + kLateHolders);
+  pool_->distinguish_holders(count, kLateHolders);
+  forwards_->distinguish_holders(count, kLateHolders);
 }
 
 void PublisherCore::check_loans() const {
@@ -161,6 +161,8 @@ void PublisherCore::connect(const std::shared_ptr<Lane>& lane, Inbox& inbox) {
 void PublisherCore::provide_for(const Lane::Options& lane, std::size_t keep) {
   const std::size_t count = lane.depth + 1 + keep;
   pool_->grow(count, prototype_.get());
+  pool_->provide_for_late_holders();
+  forwards_->provide_for_late_holders();
   provided_ += count;
   targets_.reserve(targets_.size() + 1);
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -22,6 +23,11 @@ constexpr double kDirection_rad = 1.2;
 constexpr double kSlant_m_per_rad = 20.0;
 // A goal may be passed by so much at the start.
 constexpr double kPassed_m = 1.0;
+// A route without a given place leads as straight on as lanes allow, for so long; a lane that ends
+// before counts like one across.
+constexpr double kStraightOn_m = 100.0;
+constexpr double kAcross_rad = std::numbers::pi / 2.0;
+constexpr double kHeadingStep_m = 2.0;
 
 struct Match {
   std::int64_t lane = 0;
@@ -185,18 +191,94 @@ class Search {
   std::set<std::pair<double, State>> open_;
 };
 
-LanePath path_anywhere(const LaneGraph& graph, const Eigen::Vector2d& start_m,
+// The way from the start on whose direction differs least from the vehicle's, on average over its
+// first `kStraightOn_m`: what a driver takes who has no other goal. Uniform-cost search.
+class StraightWay {
+ public:
+  StraightWay(const LaneGraph& graph, const Eigen::Vector2d& start_m, double heading_rad)
+      : graph_(graph), start_m_(start_m), heading_rad_(heading_rad) {}
+
+  std::vector<std::int64_t> find(const Matches& starts) {
+    for (const Match& match : starts.lanes) {
+      extend({}, match.lane, std::max(0.0, start_along_m(match.lane)));
+    }
+    Way way;
+    std::set<std::pair<std::int64_t, long>> seen;  // Lanes, and after how many metres they end.
+    while (!open_.empty() && way.length_m < kStraightOn_m) {
+      way = std::move(open_.extract(open_.begin()).mapped());
+      if (way.length_m < kStraightOn_m &&
+          seen.emplace(way.lanes.back(), std::lround(way.length_m)).second) {
+        go_on_from(way);
+      }
+    }
+    return way.lanes;
+  }
+
+  [[nodiscard]] double start_along_m(std::int64_t lane) const {
+    return graph_.node(lane).center.project(start_m_).along_m;
+  }
+
+ private:
+  struct Way {
+    std::vector<std::int64_t> lanes = {};
+    double length_m = 0.0;
+    double cost = 0.0;  // The integral of the difference, rad m.
+  };
+
+  void go_on_from(const Way& way) {
+    bool has_next = false;
+    for (const std::int64_t next : graph_.node(way.lanes.back()).lane.successors) {
+      if (graph_.node(next).is_drivable()) {
+        extend(way, next, 0.0);
+        has_next = true;
+      }
+    }
+    if (!has_next) {
+      add({.lanes = way.lanes,
+           .length_m = kStraightOn_m,
+           .cost = way.cost + kAcross_rad * (kStraightOn_m - way.length_m)});
+    }
+  }
+
+  void add(Way way) {
+    const double cost = way.cost;
+    open_.emplace(std::pair(cost, way.lanes), std::move(way));
+  }
+
+  void extend(Way way, std::int64_t lane, double from_m) {
+    const Polyline& center = graph_.node(lane).center;
+    const double to_m = std::min(center.length_m(), from_m + kStraightOn_m - way.length_m);
+    for (double along = from_m; along < to_m; along += kHeadingStep_m) {
+      const double step_m = std::min(kHeadingStep_m, to_m - along);
+      const double heading = center.heading_at(along + step_m / 2.0);
+      way.cost += std::abs(normalize_angle(heading - heading_rad_)) * step_m;
+    }
+    way.length_m += std::max(0.0, to_m - from_m);
+    way.lanes.push_back(lane);
+    add(std::move(way));
+  }
+
+  const LaneGraph& graph_;
+  Eigen::Vector2d start_m_;
+  double heading_rad_;
+  std::map<std::pair<double, std::vector<std::int64_t>>, Way> open_;
+};
+
+LanePath path_anywhere(const LaneGraph& graph, const Eigen::Vector2d& start_m, double heading_rad,
                        const Matches& starts, double length_m) {
-  const auto lane = std::ranges::min(starts.lanes, {}, [](const Match& match) {
-                      return std::pair(match.slant_rad, match.lane);
-                    }).lane;
-  LanePath path{.steps = {{.lane = lane}},
-                .start_along_m = graph.node(lane).center.project(start_m).along_m};
-  double way_m = graph.node(lane).center.length_m() - path.start_along_m;
-  for (auto next = straight_on(graph, lane); next && way_m < length_m;
+  StraightWay straight(graph, start_m, heading_rad);
+  LanePath path;
+  double way_m = 0.0;
+  const auto add = [&](std::int64_t lane) {
+    path.steps.push_back({.lane = lane});
+    way_m += graph.node(lane).center.length_m();
+  };
+  std::ranges::for_each(straight.find(starts), add);
+  path.start_along_m = straight.start_along_m(path.steps.front().lane);
+  way_m -= path.start_along_m;
+  for (auto next = straight_on(graph, path.steps.back().lane); next && way_m < length_m;
        next = straight_on(graph, *next)) {
-    path.steps.push_back({.lane = *next});
-    way_m += graph.node(*next).center.length_m();
+    add(*next);
   }
   path.goal_lanes = {path.steps.back().lane};
   path.goal_along_m = graph.node(path.steps.back().lane).center.length_m();
@@ -233,7 +315,7 @@ std::variant<LanePath, std::string> find_path(const LaneGraph& graph,
       goals.push_back(match.lane);
     }
   } else if (goal.lanes.empty()) {
-    return path_anywhere(graph, start_m, starts, options.anywhere_m);
+    return path_anywhere(graph, start_m, heading_rad, starts, options.anywhere_m);
   } else {
     std::ranges::copy_if(goal.lanes, std::back_inserter(goals),
                          [&](std::int64_t id) { return graph.nodes().contains(id); });
