@@ -147,6 +147,10 @@ double Search::still_to_come(const Node& node, double time_s) const {
   const double latest = std::max(kLayer_s, goal.time_s.high - time_s);
   const double earliest = std::max(kLayer_s, goal.time_s.low - time_s);
   const double way = goal_.along_m - node.along_m;
+  const double beyond = -way - goal.room_along_m();
+  if (beyond > 0.0) {  // The vehicle does not reverse.
+    return std::min(kGoalMiss * std::min(square(beyond), 4.0 + beyond), kGoalMissMax);
+  }
   const double room = goal.on_road ? goal.room_along_m() : 0.0;
   const double late = std::max(0.0, way - room - node.speed_mps * latest);
   const double early = std::max(0.0, node.speed_mps * earliest - way - room);
