@@ -169,7 +169,7 @@ class Pool {
   // Owner only.
   std::vector<Slab> slabs_;  ///< All envelopes, as long as the pool exists.
   const google::protobuf::Message* prototype_ =
-      nullptr;                    ///< Of poisoned messages that are revived.
+      nullptr;                     ///< Of poisoned messages that are revived.
   std::vector<void*> quarantine_;  ///< Their memory, the last ones.
   /// A list of lists: envelopes that were returned together stay together. The first of each points
   /// to the next list.

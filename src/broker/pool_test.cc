@@ -32,6 +32,26 @@ TEST(Pool, LendsWhatItHasAndNothingMore) {
   pool->close();
 }
 
+TEST(Pool, CountsWhatLateHoldersKeep) {
+  auto* pool = new Pool(&BytesValue::default_instance());
+  pool->distinguish_holders(1, 2);
+  pool->grow(2);
+  Envelope* envelope = pool->take();
+
+  for (const Holder holder : {Holder{0}, Holder{1}, Holder{2}, Holder{3}, kNobody}) {
+    EXPECT_EQ(pool->kept_by(holder), 0U) << holder;
+  }
+  pool->declare_kept(2, 1);
+  for (const Holder holder : {Holder{0}, Holder{1}, Holder{2}, Holder{3}, kNobody}) {
+    pool->count_kept(*envelope, holder);
+    EXPECT_EQ(pool->kept_by(holder), holder < 3 ? 1U : 0U) << holder;
+    pool->count_let_go(*envelope, holder);
+    EXPECT_EQ(pool->kept_by(holder), 0U) << holder;
+  }
+  pool->put_back(envelope);
+  pool->close();
+}
+
 TEST(Pool, LendsTheWarmestMessageFirst) {
   auto* pool = new Pool(&BytesValue::default_instance());
   pool->grow(3);

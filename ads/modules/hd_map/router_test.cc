@@ -1,5 +1,6 @@
 #include "router.h"
 
+#include <cmath>
 #include <string>
 #include <variant>
 #include <vector>
@@ -87,6 +88,72 @@ TEST(Router, WithoutAPlaceItGoesStraightOn) {
   const LaneGraph graph(straight_road(3, 2));
 
   EXPECT_THAT(lanes_of(find_path(graph, {20.0, 3.5}, 0.0, {}, {})), ElementsAre(2, 12, 22));
+}
+
+// A lane along x that forks: lane 2 turns right on a quarter of a circle, and lane 4 goes on from
+// it; lane 3 goes straight on to `straight_end_m`.
+std::vector<MapLane> fork(double straight_end_m) {
+  constexpr double kRadius_m = 20.0;
+  const auto straight = [](std::int64_t id, const Eigen::Vector2d& begin_m,
+                           const Eigen::Vector2d& end_m) {
+    const Eigen::Vector2d along = (end_m - begin_m).normalized();
+    const Eigen::Vector2d left = 1.75 * Eigen::Vector2d(-along.y(), along.x());
+    return MapLane{.id = id,
+                   .left_m = {begin_m + left, end_m + left},
+                   .right_m = {begin_m - left, end_m - left},
+                   .speed_limit_mps = 20.0};
+  };
+  std::vector<MapLane> road = {
+      straight(1, {0.0, 0.0}, {30.0, 0.0}), MapLane{.id = 2, .speed_limit_mps = 20.0},
+      straight(3, {30.0, 0.0}, {straight_end_m, 0.0}), straight(4, {50.0, -20.0}, {50.0, -120.0})};
+  for (int step = 0; step <= 9; ++step) {
+    const double angle = step * M_PI / 18.0;
+    const auto at = [&](double radius_m) {
+      return Eigen::Vector2d(30.0 + radius_m * std::sin(angle),
+                             -kRadius_m + radius_m * std::cos(angle));
+    };
+    road[1].left_m.push_back(at(kRadius_m + 1.75));
+    road[1].right_m.push_back(at(kRadius_m - 1.75));
+  }
+  road[0].successors = {2, 3};
+  road[1].predecessors = {1};
+  road[1].successors = {4};
+  road[2].predecessors = {1};
+  road[3].predecessors = {2};
+  return road;
+}
+
+TEST(Router, WithoutAPlaceItGoesWhereTheVehicleHeads) {
+  const LaneGraph graph(fork(150.0));
+
+  EXPECT_THAT(lanes_of(find_path(graph, {5.0, 0.0}, 0.0, {}, {})), ElementsAre(1, 3));
+  EXPECT_THAT(lanes_of(find_path(graph, {25.0, -0.5}, -1.0, {}, {})), ElementsAre(1, 2, 4))
+      << "a vehicle that turns already";
+}
+
+TEST(Router, WithoutAPlaceTheStraightestOfLanesThatOverlapIsTaken) {
+  std::vector<MapLane> road = fork(150.0);
+  road.erase(road.begin());
+  road[0].predecessors = {};
+  road[1].predecessors = {};
+
+  EXPECT_THAT(lanes_of(find_path(LaneGraph(road), {31.0, 0.0}, -0.1, {}, {})), ElementsAre(3))
+      << "where they begin, the heading alone would choose the other";
+}
+
+TEST(Router, WithoutAPlaceItDoesNotTakeALaneThatEndsSoon) {
+  EXPECT_THAT(lanes_of(find_path(LaneGraph(fork(31.0)), {5.0, 0.0}, 0.0, {}, {})),
+              ElementsAre(1, 2, 4));
+}
+
+TEST(Router, WithoutAPlaceACircleOfLanesEnds) {
+  auto road = straight_road(3, 1, 10.0);
+  road[2].successors = {1};
+  road[0].predecessors = {21};
+
+  const auto found = find_path(LaneGraph(road), {5.0, 0.0}, 0.0, {}, {.anywhere_m = 120.0});
+
+  EXPECT_EQ(lanes_of(found).size(), 13U);
 }
 
 TEST(Router, StartMayLieBeforeTheMap) {

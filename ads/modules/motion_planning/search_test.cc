@@ -58,6 +58,29 @@ TEST(Search, SaysThatAGoalIsTooFar) {
   EXPECT_FALSE(found_for({}, goal_at(180.0, 0.0)).reaches_goal);
 }
 
+TEST(Search, StopsAtAGoalThatItCouldPass) {
+  const Vehicle vehicle;
+  const Road road = straight_road(0.0);
+  const Traffic traffic({}, 80);
+  const Problem problem{
+      .vehicle = vehicle,
+      .road = road,
+      .traffic = traffic,
+      .start = {.speed_mps = 9.0},
+      .goal = Goal{.centre = {.x_m = 8.0},
+                   .half_length_m = 12.0,
+                   .half_width_m = 2.0,
+                   .time_s = {14.0, 15.0},
+                   .on_road = GoalStretch{.begin_m = 46.0, .offsets_m = std::vector<double>(25)}},
+      .slow_stretches = {},
+      .cruise_mps = 14.0};
+
+  const Found found = Search(problem, kBeam).run();
+
+  EXPECT_TRUE(found.reaches_goal);
+  EXPECT_LT(found.poses[69].x_m, 20.0);
+}
+
 // How far it goes in each layer, by the time that a layer takes.
 std::vector<double> speeds_of(const Found& found) {
   std::vector<double> speeds;
