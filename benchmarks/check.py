@@ -214,12 +214,13 @@ def export(revision: str) -> pathlib.Path:
     return folder
 
 
-def build(source: pathlib.Path, folder: pathlib.Path, has_lto: bool) -> pathlib.Path:
-    """Builds what `fastcycle bench` needs of the files in `source`, for release."""
+def build(source: pathlib.Path, folder: pathlib.Path, preset: str) -> pathlib.Path:
+    """Builds what `fastcycle bench` needs of the files in `source`."""
     jobs = os.environ.get("FASTCYCLE_JOBS") or str(os.cpu_count() or 2)
-    configure = ["cmake", "--preset", "release", "-B", str(folder), f"-DFASTCYCLE_LTO={'ON' if has_lto else 'OFF'}"]
     print(f"check: builds {source}", file=sys.stderr)
-    subprocess.run(configure, cwd=source, check=True, stdout=subprocess.DEVNULL)
+    if not (folder / "CMakeCache.txt").exists():
+        configure = ["cmake", "--preset", preset, "-B", str(folder), "-DBUILD_TESTING=OFF", "-DFASTCYCLE_UNITY=ON"]
+        subprocess.run(configure, cwd=source, check=True, stdout=subprocess.DEVNULL)
     listed = subprocess.run(["cmake", "--build", str(folder), "--target", "help"], check=True, stdout=subprocess.PIPE, text=True)
     targets = sorted({word for word in re.split(r"[\s:]+", listed.stdout) if TARGET.fullmatch(word)})
     subprocess.run(["cmake", "--build", str(folder), "-j", jobs, "--target", *targets], check=True, stdout=subprocess.DEVNULL)
@@ -234,7 +235,8 @@ def arguments(words: list[str]) -> argparse.Namespace:
     line.add_argument("--minutes", type=float, default=5, help=f"time for measuring (5); at least {ROUNDS_MIN} rounds are made")
     line.add_argument("--rounds", type=int, help="number of rounds, whatever time they take")
     line.add_argument("--margin", type=float, default=0.05, help="smallest difference that counts, as a share (0.05)")
-    line.add_argument("--no-lto", action="store_true", help="build both without link-time optimization, which is faster")
+    line.add_argument("--preset", choices=("release", "dev"), default="release",
+                      help="how both are built (release); dev uses what ./dev test has built, and times are longer")  # fmt: skip
     line.add_argument("--strict", action="store_true", help="exit code 1 if a figure is worse")
     line.add_argument("--json", type=pathlib.Path, metavar="FILE", help="also write the figures of each round")
     line.add_argument("--programs", nargs=2, type=pathlib.Path, metavar=("BASE", "THIS"),
@@ -251,11 +253,11 @@ def arguments(words: list[str]) -> argparse.Namespace:
 
 def build_both(chosen: argparse.Namespace) -> dict[str, pathlib.Path]:
     revision = revision_of(chosen.revision)
-    suffix = "-no-lto" if chosen.no_lto else ""
     print(f"check: compares this working tree with {git('log', '-1', '--format=%h %cs %s', revision)}", file=sys.stderr)
+    base = ROOT / "build" / "check" / revision[:12] / chosen.preset
     return {
-        "base": build(export(revision), ROOT / "build" / "check" / revision[:12] / f"build{suffix}", not chosen.no_lto),
-        "this": build(ROOT, ROOT / "build" / (f"check/this{suffix}" if chosen.no_lto else "release"), not chosen.no_lto),
+        "base": build(export(revision), base, chosen.preset),
+        "this": build(ROOT, ROOT / "build" / chosen.preset, chosen.preset),
     }
 
 

@@ -227,17 +227,21 @@ double Predictor::add_changes(const Track& track, double slant_rad, double proba
   if (other == 0 || share < kChangeProbabilityMin) {
     return probability;
   }
-  const auto paths = lanes_.from(other, track.way_m.back() + kLeaderAhead_m);
-  const Polyline::Projection place = paths.front().line.project({object.x_m(), object.y_m()});
-  auto& change = *predicted.add_hypotheses();
-  change.set_kind(is_left ? prediction::LANE_CHANGE_LEFT : prediction::LANE_CHANGE_RIGHT);
-  change.set_probability(probability * share);
   const double speed_mps = std::max(kChangeSpeed_mps, std::abs(across_mps));
-  follow(track, paths.front(), place.along_m,
-         {.begin_m = place.offset_m,
-          .target_m = 0.0,
-          .duration_s = std::clamp(std::abs(place.offset_m) / speed_mps, 1.5, 6.0)},
-         change);
+  const Eigen::Vector2d position(object.x_m(), object.y_m());
+  const Polyline::Projection place = lanes_.from(other, 0.0).front().line.project(position);
+  const auto paths =
+      lanes_.from(other, std::max(0.0, place.along_m) + track.way_m.back() + kLeaderAhead_m);
+  for (const LanePath& path : paths) {
+    auto& change = *predicted.add_hypotheses();
+    change.set_kind(is_left ? prediction::LANE_CHANGE_LEFT : prediction::LANE_CHANGE_RIGHT);
+    change.set_probability(probability * share / static_cast<double>(paths.size()));
+    follow(track, path, place.along_m,
+           {.begin_m = place.offset_m,
+            .target_m = 0.0,
+            .duration_s = std::clamp(std::abs(place.offset_m) / speed_mps, 1.5, 6.0)},
+           change);
+  }
   return probability * (1.0 - share);
 }
 

@@ -146,6 +146,19 @@ TEST_F(PredictorTest, CarThatMovesToTheSideChangesTheLane) {
   EXPECT_NEAR(predicted.hypotheses(0).points(60).y_m(), 3.5, 1e-6);
 }
 
+TEST_F(PredictorTest, AfterAChangeEachWayOnIsAHypothesis) {
+  add(2, 180.0, 3.0, 15.0).set_heading_rad(-0.08);
+
+  int ways = 0;
+  const auto& predicted = predict();
+  for (const auto& hypothesis : predicted.hypotheses()) {
+    ways += hypothesis.kind() == prediction::LANE_CHANGE_RIGHT ? 1 : 0;
+  }
+
+  EXPECT_EQ(ways, 2);
+  EXPECT_NEAR(sum(predicted), 1.0, 1e-9);
+}
+
 TEST_F(PredictorTest, NoChangeIsMadeToWhereNoLaneIs) {
   add(1, 20.0, -0.5, 15.0).set_heading_rad(-0.08);
 
