@@ -1,0 +1,87 @@
+// Preloaded by wake.py: when a futex call wakes a thread, and when one that has waited returns.
+
+#include <array>
+#include <atomic>
+#include <cstdarg>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+
+#include <dlfcn.h>
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "measure/clock.h"
+
+namespace {
+
+using Syscall = long (*)(long number, long, long, long, long, long, long);
+
+struct Stamp {
+  std::int64_t time_ns = 0;
+  bool is_return = false;  // Of a call that waited; otherwise a call that is about to wake.
+};
+
+constexpr std::size_t kStamps = std::size_t{1} << 20;
+
+std::array<Stamp, kStamps> stamps;
+std::atomic<std::size_t> stamp_count{0};
+
+void add(bool is_return) noexcept {
+  const std::int64_t time_ns = fastcycle::measure::now_ns();
+  const std::size_t index = stamp_count.fetch_add(1, std::memory_order_relaxed);
+  if (index < stamps.size()) {
+    stamps[index] = {.time_ns = time_ns, .is_return = is_return};
+  }
+}
+
+// Finds the C library's function, and touches the memory, so that no stamp causes a page fault.
+Syscall prepare() noexcept {
+  stamps.fill(Stamp{});
+  return reinterpret_cast<Syscall>(dlsym(RTLD_NEXT, "syscall"));
+}
+
+/// Writes a line for each stamp to the file WAKE_STAMPS.PID: programs that this one starts have
+/// this library too.
+[[gnu::destructor]] void write_stamps() {
+  const char* const path = std::getenv("WAKE_STAMPS");
+  std::FILE* const file =
+      path == nullptr
+          ? nullptr
+          : std::fopen((std::string(path) + "." + std::to_string(getpid())).c_str(), "w");
+  if (file == nullptr) {
+    return;
+  }
+  for (std::size_t i = 0; i < stamp_count.load() && i < stamps.size(); ++i) {
+    std::fprintf(file, "%s,%lld\n", stamps[i].is_return ? "return" : "wake",
+                 static_cast<long long>(stamps[i].time_ns));
+  }
+  std::fclose(file);
+}
+
+}  // namespace
+
+/// Instead of the C library's, for all libraries.
+extern "C" [[gnu::visibility("default")]] long syscall(long number, ...) noexcept {
+  static const Syscall original = prepare();
+  std::array<long, 6> given{};
+  va_list rest;
+  va_start(rest, number);
+  for (long& one : given) {
+    one = va_arg(rest, long);
+  }
+  va_end(rest);
+  const long operation = given[1];
+  if (number == SYS_futex && operation == FUTEX_WAKE_PRIVATE) {
+    add(false);
+  }
+  const long result = original(number, given[0], given[1], given[2], given[3], given[4], given[5]);
+  if (number == SYS_futex && result == 0 &&
+      (operation == FUTEX_WAIT_PRIVATE || operation == FUTEX_WAIT_BITSET_PRIVATE)) {
+    add(true);
+  }
+  return result;
+}
