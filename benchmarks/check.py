@@ -32,7 +32,7 @@ TARGET = re.compile(r"fastcycle_program|fastcycle-trial|benchmark_(?!.*test)\w+"
 CONFIDENCE = 0.95
 ROUNDS_MIN = 6  # With fewer no interval has the confidence: even that of all rounds has 2 * 0.5 ** n outside.
 WORSE, BETTER, SAME, UNDECIDED = "worse", "better", "same", "undecided"
-NOT_MEASURED = "not in the base"
+NOT_MEASURED = "not measured in both"
 
 
 class Failed(Exception):
@@ -163,9 +163,9 @@ def measure(program: pathlib.Path, round_number: int) -> dict[str, float]:
     return found
 
 
-def compare(programs: dict[str, pathlib.Path], minutes: float, rounds_max: int | None) -> list[dict[str, dict[str, float]]]:
-    """Rounds of both programs in turn, as many as the minutes have room for."""
-    rounds: list[dict[str, dict[str, float]]] = []
+def compare(programs: dict[str, pathlib.Path], minutes: float, rounds_max: int | None,
+            rounds: list[dict[str, dict[str, float]]]) -> None:
+    """Adds rounds of both programs in turn, as many as the minutes have room for."""
     begin = time.monotonic()
     while rounds_max is None or len(rounds) < rounds_max:
         spent = time.monotonic() - begin
@@ -173,9 +173,12 @@ def compare(programs: dict[str, pathlib.Path], minutes: float, rounds_max: int |
             break
         # Who comes first in a round is last in the next.
         order = list(programs) if len(rounds) % 2 == 0 else list(programs)[::-1]
-        rounds.append({which: measure(programs[which], len(rounds) + 1) for which in order})
+        found = {which: measure(programs[which], len(rounds) + 1) for which in order}
+        for which, figures in found.items():
+            if not figures:
+                raise Failed(f"{programs[which]} printed no figure of `fastcycle bench`")
+        rounds.append(found)
         print(f"check: round {len(rounds)}, {(time.monotonic() - begin) / 60:.1f} of {minutes:g} min", file=sys.stderr)
-    return rounds
 
 
 def judge_all(rounds: list[dict[str, dict[str, float]]], margin: float) -> list[tuple[Figure, Verdict]]:
@@ -263,13 +266,20 @@ def build_both(chosen: argparse.Namespace) -> dict[str, pathlib.Path]:
 
 def main(words: list[str]) -> int:
     chosen = arguments(words)
+    rounds: list[dict[str, dict[str, float]]] = []
+    is_interrupted = False
     try:
+        if chosen.json:
+            chosen.json.touch()  # Not only after all the minutes.
         programs = dict(zip(("base", "this"), chosen.programs)) if chosen.programs else build_both(chosen)
-        rounds = compare(programs, chosen.minutes, chosen.rounds)
+        compare(programs, chosen.minutes, chosen.rounds, rounds)
     except (Failed, subprocess.CalledProcessError, OSError) as failure:
         print(f"check: {failure}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        is_interrupted = True
+        print("\ncheck: interrupted: these are the complete rounds", file=sys.stderr)
+    if is_interrupted and not rounds:
         return 130
     if chosen.json:
         chosen.json.write_text(json.dumps(rounds, indent=1) + "\n", encoding="utf-8")
@@ -278,6 +288,8 @@ def main(words: list[str]) -> int:
     print(table(judged))
     counts = {word: sum(verdict.word == word for _, verdict in judged) for word in (WORSE, BETTER, SAME, UNDECIDED)}
     print(", ".join(f"{count} {word}" for word, count in counts.items()))
+    if is_interrupted:
+        return 130
     return 1 if chosen.strict and counts[WORSE] > 0 else 0
 
 

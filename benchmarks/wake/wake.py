@@ -24,6 +24,10 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 Parts = tuple[int, int, int]  # Nanoseconds before, in and after the kernel.
 
 
+class Failed(Exception):
+    """What cannot go on, and why."""
+
+
 def arguments(words: list[str]) -> argparse.Namespace:
     line = argparse.ArgumentParser(prog="./dev bench wake", description=__doc__,
                                    formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
@@ -59,6 +63,9 @@ def measure(chosen: argparse.Namespace) -> dict[tuple[int, str], list[Parts]]:
     """The parts of all messages, by size and contender."""
     program = chosen.build / "bin" / "fastcycle"
     library = chosen.build / "lib" / "libwake_stamps.so"
+    for file in (program, library):
+        if not file.exists():
+            raise Failed(f"{file} is missing: --build names a folder in which all targets were built")
     found: dict[tuple[int, str], list[Parts]] = defaultdict(list)
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
@@ -70,13 +77,15 @@ def measure(chosen: argparse.Namespace) -> dict[tuple[int, str], list[Parts]]:
             with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as process:
                 process.wait()
             if process.returncode != 0:
-                raise subprocess.CalledProcessError(process.returncode, command)
+                raise Failed(f"`{' '.join(map(str, command))}` ended with exit code {process.returncode}")
             wakes, returns = read_stamps(pathlib.Path(f"{stamps}.{process.pid}"))
             for row in csv.DictReader(raw.open(encoding="utf-8")):
                 parts = parts_of(int(row["sent_ns"]), int(row["arrived_ns"]), wakes, returns)
                 if parts is not None:
                     found[int(row["size"]), row["peer"]].append(parts)
             print(f"wake: round {number} of {chosen.rounds}", file=sys.stderr)
+    if not found:
+        raise Failed("no message found its receiver asleep")
     return found
 
 
@@ -97,7 +106,7 @@ def main(words: list[str]) -> int:
     chosen = arguments(words)
     try:
         found = measure(chosen)
-    except (subprocess.CalledProcessError, OSError) as failure:
+    except (Failed, OSError) as failure:
         print(f"wake: {failure}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

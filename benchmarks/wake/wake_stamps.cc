@@ -48,10 +48,11 @@ Syscall prepare() noexcept {
 /// this library too.
 [[gnu::destructor]] void write_stamps() {
   const char* const path = std::getenv("WAKE_STAMPS");
-  std::FILE* const file =
-      path == nullptr
-          ? nullptr
-          : std::fopen((std::string(path) + "." + std::to_string(getpid())).c_str(), "w");
+  if (path == nullptr) {
+    return;
+  }
+  const std::string name = std::string(path) + "." + std::to_string(getpid());
+  std::FILE* const file = std::fopen(name.c_str(), "w");
   if (file == nullptr) {
     return;
   }
@@ -59,7 +60,10 @@ Syscall prepare() noexcept {
     std::fprintf(file, "%s,%lld\n", stamps[i].is_return ? "return" : "wake",
                  static_cast<long long>(stamps[i].time_ns));
   }
-  std::fclose(file);
+  const bool has_failed = std::ferror(file) != 0;
+  if (std::fclose(file) != 0 || has_failed) {
+    std::remove(name.c_str());  // wake.py reports that it is missing.
+  }
 }
 
 }  // namespace
