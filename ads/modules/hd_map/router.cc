@@ -192,7 +192,8 @@ class Search {
 };
 
 // The way from the start on whose direction differs least from the vehicle's, on average over its
-// first `kStraightOn_m`: what a driver takes who has no other goal. Uniform-cost search.
+// first `kStraightOn_m`: what a driver takes who has no other goal. Dijkstra's algorithm: the first
+// way that reaches a lane is the only one to go on from it.
 class StraightWay {
  public:
   StraightWay(const LaneGraph& graph, const Eigen::Vector2d& start_m, double heading_rad)
@@ -203,11 +204,10 @@ class StraightWay {
       extend({}, match.lane, std::max(0.0, start_along_m(match.lane)));
     }
     Way way;
-    std::set<std::pair<std::int64_t, long>> seen;  // Lanes, and after how many metres they end.
+    std::set<std::int64_t> seen;
     while (!open_.empty() && way.length_m < kStraightOn_m) {
       way = std::move(open_.extract(open_.begin()).mapped());
-      if (way.length_m < kStraightOn_m &&
-          seen.emplace(way.lanes.back(), std::lround(way.length_m)).second) {
+      if (way.length_m < kStraightOn_m && seen.insert(way.lanes.back()).second) {
         go_on_from(way);
       }
     }
