@@ -7,12 +7,11 @@
 #include <fmt/format.h>
 
 #include "common/commonroad.h"
+#include "connectivity_tuning.h"
 #include "scenario_link.h"
 
 namespace ads {
 namespace {
-
-constexpr double kRadiusMax_m = 10'000.0;
 
 fastcycle::Duration seconds(double value_s) {
   return std::chrono::duration_cast<fastcycle::Duration>(std::chrono::duration<double>(value_s));
@@ -42,8 +41,8 @@ std::string error_in(const connectivity::Hazard& hazard, fastcycle::Time now) {
   if (!std::isfinite(hazard.x_m()) || !std::isfinite(hazard.y_m())) {
     return "its place is not finite";
   }
-  if (!(hazard.radius_m() > 0.0 && hazard.radius_m() <= kRadiusMax_m)) {
-    return fmt::format("radius_m: expected above 0 to {}, found {}", kRadiusMax_m,
+  if (!(hazard.radius_m() > 0.0 && hazard.radius_m() <= kConnectivity.radius_max_m)) {
+    return fmt::format("radius_m: expected above 0 to {}, found {}", kConnectivity.radius_max_m,
                        hazard.radius_m());
   }
   if (!(hazard.speed_limit_mps() >= 0.0) || !std::isfinite(hazard.speed_limit_mps())) {

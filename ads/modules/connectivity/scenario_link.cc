@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/lead_in.h"
+#include "connectivity_tuning.h"
 
 namespace ads {
 namespace {
@@ -105,12 +106,10 @@ Box square_inside(const std::vector<Eigen::Vector2d>& polygon_m, double heading_
         Box{middle, heading_rad, side, side}.corners(),
         [&](const Eigen::Vector2d& corner) { return contains(polygon_m, corner); });
   };
-  constexpr double kLeast_m = 0.1;
-  constexpr double kShrink = 0.95;
-  while (side_m > kLeast_m && !is_inside(side_m)) {
-    side_m *= kShrink;
+  while (side_m > kScenarioLink.least_m && !is_inside(side_m)) {
+    side_m *= kScenarioLink.shrink;
   }
-  side_m = std::max(side_m, kLeast_m);
+  side_m = std::max(side_m, kScenarioLink.least_m);
   return {middle, heading_rad, side_m, side_m};
 }
 

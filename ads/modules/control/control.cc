@@ -7,17 +7,11 @@
 #include <string_view>
 #include <utility>
 
+#include "control_tuning.h"
 #include "controller_state.h"
 
 namespace ads {
 namespace {
-
-// Control changes to a newer minimal-risk trajectory if that begins where the vehicle is, and ends
-// no later.
-constexpr double kSamePlace_m = 0.5;
-constexpr double kSameSpeed_mps = 0.5;
-// Without an estimate for longer, localization is silent; it gives one each 10 ms.
-constexpr std::int64_t kSilent_ns = 60'000'000;
 
 fastcycle::ParamOptions<double> positive(double fallback, std::string unit,
                                          std::string description) {
@@ -103,9 +97,8 @@ Path path_of(const planning::Trajectory& trajectory, double start_s) {
 
 // When the vehicle stands, on such a path.
 double end_s(const Path& path) {
-  constexpr double kStanding_mps = 0.05;
   const auto standing = std::ranges::find_if(
-      path.points, [](const Reference& at) { return at.speed_mps < kStanding_mps; });
+      path.points, [](const Reference& at) { return at.speed_mps < kControl.standing_mps; });
   return path.start_s + path.step_s * static_cast<double>(standing - path.points.begin());
 }
 
@@ -213,7 +206,7 @@ void Control::locate() {
     return;
   }
   const auto vehicle = vehicle_states_.get();
-  if (!place_ || !vehicle || vehicle->header().taken_ns() < ego_ns_ + kSilent_ns ||
+  if (!place_ || !vehicle || vehicle->header().taken_ns() < ego_ns_ + kControl.silent_ns ||
       vehicle->header().taken_ns() <= place_ns_ ||
       !std::isfinite(vehicle->speed_mps() + vehicle->steering_rad())) {
     return;
@@ -262,8 +255,8 @@ void Control::take_plan(const Motion& motion, double now_s) {
 bool Control::is_better_stop(const Motion& motion, double now_s) const {
   const Reference begin = minimal_risk_.at(now_s);
   return end_s(minimal_risk_) <= end_s(*stop_) &&
-         std::hypot(begin.x_m - motion.x_m, begin.y_m - motion.y_m) < kSamePlace_m &&
-         std::abs(begin.speed_mps - motion.speed_mps) < kSameSpeed_mps;
+         std::hypot(begin.x_m - motion.x_m, begin.y_m - motion.y_m) < kControl.same_place_m &&
+         std::abs(begin.speed_mps - motion.speed_mps) < kControl.same_speed_mps;
 }
 
 Actuation Control::act(supervision::DrivingState state, const Motion& motion, double motion_s,

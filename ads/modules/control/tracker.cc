@@ -5,20 +5,10 @@
 #include <limits>
 #include <numbers>
 
+#include "control_tuning.h"
+
 namespace ads {
 namespace {
-
-constexpr double kRemembered_s = 1.0;
-constexpr double kPredictionStep_s = 0.02;
-// Slower than this the vehicle is about to stand.
-constexpr double kStanding_mps = 0.15;
-constexpr double kHolding_mps2 = -2.0;
-// Errors beyond these are those of a manoeuvre, and do not last.
-constexpr double kLastingLateral_m = 0.6;
-constexpr double kLastingAlong_m = 0.5;
-constexpr double kLastingSpeed_mps = 0.5;
-constexpr double kMoving_mps = 1.0;
-constexpr double kIntegralStepMax_s = 0.1;
 
 double wrapped(double angle_rad) {
   return std::remainder(angle_rad, 2.0 * std::numbers::pi);
@@ -129,8 +119,8 @@ Motion Tracker::move_on(const Motion& motion, double passed_s) const {
 // With the commands that are on their way.
 Motion Tracker::predict(const Motion& motion, double from_s, double to_s) const {
   Motion now = rear_axle(motion);
-  for (double time = from_s; time < to_s - 1e-9; time += kPredictionStep_s) {
-    const double step = std::min(kPredictionStep_s, to_s - time);
+  for (double time = from_s; time < to_s - 1e-9; time += kTracker.prediction_step_s) {
+    const double step = std::min(kTracker.prediction_step_s, to_s - time);
     if (const Actuation* asked = command_at(time - config_.acceleration_delay_s)) {
       const double share =
           config_.acceleration_lag_s > step ? step / config_.acceleration_lag_s : 1.0;
@@ -179,9 +169,10 @@ double Tracker::steering(const Reference& reference, const Motion& motion) {
 // = v p.
 void Tracker::integrate(const Motion& motion, double passed_s) {
   const TrackingError& error = memory_.error;
-  const bool may_last =
-      motion.speed_mps > kMoving_mps && std::abs(error.lateral_m) < kLastingLateral_m &&
-      std::abs(error.along_m) < kLastingAlong_m && std::abs(error.speed_mps) < kLastingSpeed_mps;
+  const bool may_last = motion.speed_mps > kTracker.moving_mps &&
+                        std::abs(error.lateral_m) < kTracker.lasting_lateral_m &&
+                        std::abs(error.along_m) < kTracker.lasting_along_m &&
+                        std::abs(error.speed_mps) < kTracker.lasting_speed_mps;
   if (!may_last) {  // Nor if one of them is no number.
     return;
   }
@@ -220,7 +211,7 @@ Actuation Tracker::give(Actuation wanted, double now_s) {
   wanted.acceleration_mps2 = std::clamp(wanted.acceleration_mps2, config_.acceleration_min_mps2,
                                         config_.acceleration_max_mps2);
   past.push_back({now_s, wanted});
-  while (past.size() > 2 && past[1].time_s < now_s - kRemembered_s) {
+  while (past.size() > 2 && past[1].time_s < now_s - kTracker.remembered_s) {
     past.pop_front();
   }
   return wanted;
@@ -235,13 +226,14 @@ Actuation Tracker::follow(const Path& path, const Motion& motion, double motion_
   const Reference ahead =
       path.at(now_s + config_.acceleration_delay_s + config_.acceleration_lag_s);
   const double last_s = memory_.past.empty() ? now_s : memory_.past.back().time_s;
-  integrate(then, std::clamp(now_s - last_s, 0.0, kIntegralStepMax_s));
+  integrate(then, std::clamp(now_s - last_s, 0.0, kTracker.integral_step_max_s));
   wanted.acceleration_mps2 = ahead.acceleration_mps2 + memory_.acceleration_mps2 -
                              config_.speed_gain_per_s * memory_.error.speed_mps -
                              config_.position_gain_per_s2 * memory_.error.along_m;
-  const bool ends_standing = ahead.speed_mps < kStanding_mps && ahead.acceleration_mps2 < 0.1;
-  if (ends_standing && then.speed_mps < kStanding_mps) {
-    wanted.acceleration_mps2 = std::min(wanted.acceleration_mps2, kHolding_mps2);
+  const bool ends_standing =
+      ahead.speed_mps < kTracker.standing_mps && ahead.acceleration_mps2 < 0.1;
+  if (ends_standing && then.speed_mps < kTracker.standing_mps) {
+    wanted.acceleration_mps2 = std::min(wanted.acceleration_mps2, kTracker.holding_mps2);
   }
   return give(wanted, now_s);
 }
@@ -260,7 +252,7 @@ Actuation Tracker::brake(const Path& path, const Motion& motion, double motion_s
 Actuation Tracker::hold(double now_s) {
   memory_.error = {};
   const double steering = memory_.past.empty() ? 0.0 : memory_.past.back().command.steering_rad;
-  return give({.steering_rad = steering, .acceleration_mps2 = kHolding_mps2}, now_s);
+  return give({.steering_rad = steering, .acceleration_mps2 = kTracker.holding_mps2}, now_s);
 }
 
 void Tracker::forget() {

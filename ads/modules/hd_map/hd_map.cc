@@ -9,13 +9,11 @@
 #include <variant>
 #include <vector>
 
+#include "hd_map_tuning.h"
 #include "map_file.h"
 
 namespace ads {
 namespace {
-
-// Requests for a larger tile are errors.
-constexpr double kRadiusMax_m = 10'000.0;
 
 std::int64_t nanoseconds_of(fastcycle::Time time) {
   return time.time_since_epoch().count();
@@ -126,7 +124,7 @@ HdMap::HdMap(fastcycle::Context& context)
       radius_m_(
           context.param<double>("radius_m", {.fallback = 250.0,
                                              .min = 30.0,
-                                             .max = kRadiusMax_m,
+                                             .max = kHdMap.radius_max_m,
                                              .unit = "m",
                                              .description = "Radius of the published tiles"})),
       lane_change_m_(context.param<double>(
@@ -219,7 +217,7 @@ void HdMap::publish_tile(const Eigen::Vector2d& place_m) {
 void HdMap::serve_tile(const hd_map::TileRequest& request,
                        fastcycle::Responder<hd_map::Tile> responder) {
   if (!std::isfinite(request.x_m()) || !std::isfinite(request.y_m()) ||
-      !(request.radius_m() >= 0.0 && request.radius_m() <= kRadiusMax_m)) {
+      !(request.radius_m() >= 0.0 && request.radius_m() <= kHdMap.radius_max_m)) {
     responder.reject("expected a finite place and a radius from 0 to 10 km");
     return;
   }

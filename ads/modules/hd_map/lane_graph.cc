@@ -10,19 +10,10 @@
 
 #include <fmt/format.h>
 
+#include "hd_map_tuning.h"
+
 namespace ads {
 namespace {
-
-// A lane that changes its direction by more is a turn.
-constexpr double kTurn_rad = 0.6;
-// A lane that differs by more than this in heading comes from ahead.
-constexpr double kOncoming_rad = 2.2;
-// Ends of lanes touch those of others; what lies between counts.
-constexpr double kEnds_m = 1.0;
-constexpr double kStep_m = 0.5;
-// Lanes of which one follows the other touch each other, or nearly so.
-constexpr double kTouch_m = 1.0;
-constexpr std::size_t kBesideMax = 64;
 
 bool has(const std::vector<std::int64_t>& ids, std::int64_t id) {
   return std::ranges::find(ids, id) != ids.end();
@@ -40,7 +31,8 @@ double turn_rad(const Polyline& line) {
 bool runs_through(const Polyline& line, const LaneGraph::Node& lane, std::int64_t work_max,
                   std::int64_t& work) {
   int inside = 0;
-  for (double along = kEnds_m; along < line.length_m() - kEnds_m; along += kStep_m) {
+  for (double along = kLaneGraph.ends_m; along < line.length_m() - kLaneGraph.ends_m;
+       along += kLaneGraph.step_m) {
     const Eigen::Vector2d point = line.point_at(along);
     const bool is_near = lane.bounds.contains(point);
     inside = is_near && lane.contains(point) ? inside + 1 : 0;
@@ -167,7 +159,7 @@ std::vector<std::int64_t> LaneGraph::beside(std::int64_t id) const {
   };
   std::vector<std::int64_t> lanes{id};
   const auto add_all = [&](bool is_left) {
-    for (std::size_t count = 0; count < kBesideMax; ++count) {
+    for (std::size_t count = 0; count < kLaneGraph.beside_max; ++count) {
       const auto side = next(lanes.back(), is_left);
       if (!side || has(lanes, *side)) {  // In a ring, in a map that makes no sense.
         return;
@@ -236,7 +228,7 @@ void LaneGraph::find_conflicts(std::int64_t work_max) {
   for (auto first = lanes.begin(); first != lanes.end(); ++first) {
     for (auto second = std::next(first);
          second != lanes.end() &&
-         (*second)->bounds.min().x() <= (*first)->bounds.max().x() + kTouch_m;
+         (*second)->bounds.min().x() <= (*first)->bounds.max().x() + kLaneGraph.touch_m;
          ++second) {
       const auto [a, b] = std::minmax(*first, *second, [](const Node* one, const Node* other) {
         return one->lane.id < other->lane.id;
@@ -287,7 +279,7 @@ void LaneGraph::add_conflict(Node& a, Node& b) const {
 bool LaneGraph::is_conflict(const Node& a, const Node& b, std::int64_t work_max,
                             std::int64_t& work) const {
   const auto touches = [](const Node& one, const Node& other) {
-    return one.bounds.exteriorDistance(other.bounds) <= kTouch_m;
+    return one.bounds.exteriorDistance(other.bounds) <= kLaneGraph.touch_m;
   };
   if (!touches(a, b)) {
     return false;
@@ -324,11 +316,11 @@ bool LaneGraph::yields(const Node& a, const Node& b) const {
     return a_joins;
   }
   const double across = keeps_left_ ? -1.0 : 1.0;
-  const bool a_turns = across * turn_rad(a.center) > kTurn_rad;
-  const bool b_turns = across * turn_rad(b.center) > kTurn_rad;
+  const bool a_turns = across * turn_rad(a.center) > kLaneGraph.turn_rad;
+  const bool b_turns = across * turn_rad(b.center) > kLaneGraph.turn_rad;
   const double between =
       std::abs(normalize_angle(a.center.heading_at(0.0) - b.center.heading_at(0.0)));
-  if (ranks(a_turns, b_turns) && between > kOncoming_rad) {
+  if (ranks(a_turns, b_turns) && between > kLaneGraph.oncoming_rad) {
     return a_turns;
   }
   return a.lane.priority <= 0 && has(a.lane.from_right, b.lane.id);

@@ -21,17 +21,11 @@
 
 #include "common/plane.h"
 #include "common/xml.h"
+#include "hd_map_tuning.h"
 #include "osm_file.h"
 
 namespace ads {
 namespace {
-
-// In the tangential plane lengths are right to 1 in 30,000 so far from its origin.
-constexpr double kExtentMax_m = 50'000.0;
-// So far from where it begins a rule for an intersection holds at most.
-constexpr double kIntersection_m = 60.0;
-// Points of both bounds that lie opposite of each other by less than this are one.
-constexpr double kOpposite_m = 0.01;
 
 bool is_yes(std::string_view value) {
   return value == "yes" || value == "true" || value == "1";
@@ -224,8 +218,9 @@ Polyline line_of(const OsmFile& osm, const LocalFrame& frame, const Bound& bound
   std::vector<Eigen::Vector2d> points;
   for (const std::int64_t node : bound.nodes) {
     points.emplace_back(frame.enu_from_geodetic(osm.node(node, user)).head<2>());
-    if (!(points.back().norm() < kExtentMax_m)) {
-      user.fail(fmt::format("node {} within {:g} m of the middle of the map", node, kExtentMax_m),
+    if (!(points.back().norm() < kLanelet2Lanes.extent_max_m)) {
+      user.fail(fmt::format("node {} within {:g} m of the middle of the map", node,
+                            kLanelet2Lanes.extent_max_m),
                 fmt::format("{:g} m", points.back().norm()));
     }
   }
@@ -251,7 +246,7 @@ std::pair<std::vector<Eigen::Vector2d>, std::vector<Eigen::Vector2d>> matched(
   std::vector<double> kept{0.0};
   for (const double part : parts) {
     const double gap_m = std::min(part - kept.back(), 1.0 - part) * longer_m;
-    if (gap_m > kOpposite_m) {
+    if (gap_m > kLanelet2Lanes.opposite_m) {
       kept.push_back(part);
     }
   }
@@ -534,7 +529,7 @@ class Reader {
     std::vector<std::pair<std::int64_t, double>> open;
     for (const auto& [id, lane] : lanes_) {
       if (lane.lane.priority != 0) {
-        open.emplace_back(id, kIntersection_m);
+        open.emplace_back(id, kLanelet2Lanes.intersection_m);
       }
     }
     while (!open.empty()) {

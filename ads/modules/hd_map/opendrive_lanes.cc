@@ -18,16 +18,11 @@
 
 #include "common/plane.h"
 #include "common/xml.h"
+#include "hd_map_tuning.h"
 #include "plan_view.h"
 
 namespace ads {
 namespace {
-
-constexpr double kStep_m = 1.0;
-// Two places of a bound are farther apart.
-constexpr double kSame_m = 0.01;
-// How far a road's own length may be from that of its geometries.
-constexpr double kLengthError_m = 1.0;
 
 enum class End : std::uint8_t { kStart, kEnd };
 
@@ -246,9 +241,10 @@ void read_sections(const XmlElement& lanes, Road& road) {
   const double length_m = road.plan.length_m();
   for (const XmlElement& element : lanes.all("laneSection")) {
     Section section = read_section(element, is_left_hand);
-    const double least_m =
-        road.sections.empty() ? -kSame_m : road.sections.back().begin_m + kSame_m;
-    if (!(section.begin_m >= least_m && section.begin_m + kSame_m <= length_m)) {
+    const double least_m = road.sections.empty()
+                               ? -kOpendriveLanes.same_m
+                               : road.sections.back().begin_m + kOpendriveLanes.same_m;
+    if (!(section.begin_m >= least_m && section.begin_m + kOpendriveLanes.same_m <= length_m)) {
       element.fail(fmt::format("<laneSection> at s from {:g} to less than {:g}",
                                std::max(0.0, least_m), length_m),
                    fmt::format("{:g}", section.begin_m));
@@ -275,7 +271,7 @@ Road read_road(const XmlElement& element, double longest_m) {
             .predecessor = read_link(element, "predecessor"),
             .successor = read_link(element, "successor")};
   const auto length_m = element.number_attribute<double>("length");
-  if (!(std::abs(length_m - road.plan.length_m()) <= kLengthError_m)) {
+  if (!(std::abs(length_m - road.plan.length_m()) <= kOpendriveLanes.length_error_m)) {
     element.fail(fmt::format("length of about {:.3f} m, that of the road's geometries",
                              road.plan.length_m()),
                  fmt::format("{:g}", length_m));
@@ -287,7 +283,7 @@ Road read_road(const XmlElement& element, double longest_m) {
 // The positions of a section at which its bounds are sampled.
 std::vector<double> places_of(const Road& road, const Section& section) {
   const double length_m = section.end_m - section.begin_m;
-  const auto steps = static_cast<std::size_t>(std::ceil(length_m / kStep_m));
+  const auto steps = static_cast<std::size_t>(std::ceil(length_m / kOpendriveLanes.step_m));
   std::vector<double> places;
   for (std::size_t step = 0; step < steps; ++step) {
     places.push_back(section.begin_m +
@@ -307,7 +303,8 @@ std::vector<double> places_of(const Road& road, const Section& section) {
   std::ranges::sort(places);
   std::vector<double> kept;
   for (const double place : places) {
-    if ((kept.empty() || place - kept.back() > kSame_m) && section.end_m - place > kSame_m) {
+    if ((kept.empty() || place - kept.back() > kOpendriveLanes.same_m) &&
+        section.end_m - place > kOpendriveLanes.same_m) {
       kept.push_back(place);
     }
   }

@@ -9,15 +9,10 @@
 #include <fmt/format.h>
 
 #include "common/plane.h"
+#include "hd_map_tuning.h"
 
 namespace ads {
 namespace {
-
-constexpr double kSpiralStep_m = 0.5;
-// A road with a larger curvature is an error.
-constexpr double kCurvatureMax_per_m = 10.0;
-// Gaps that programs leave between one geometry and the next.
-constexpr double kGap_m = 0.1;
 
 Eigen::Vector2d turned(const Eigen::Vector2d& vector, double angle_rad) {
   return vector.x() * direction(angle_rad) + vector.y() * left_of(direction(angle_rad));
@@ -25,10 +20,10 @@ Eigen::Vector2d turned(const Eigen::Vector2d& vector, double angle_rad) {
 
 double read_curvature(const XmlElement& element, const char* attribute) {
   const auto curvature = element.number_attribute<double>(attribute);
-  if (std::abs(curvature) > kCurvatureMax_per_m) {
-    element.fail(
-        fmt::format("{} of <{}> up to {:g}/m", attribute, element.name(), kCurvatureMax_per_m),
-        fmt::format("{:g}", curvature));
+  if (std::abs(curvature) > kPlanView.curvature_max_per_m) {
+    element.fail(fmt::format("{} of <{}> up to {:g}/m", attribute, element.name(),
+                             kPlanView.curvature_max_per_m),
+                 fmt::format("{:g}", curvature));
   }
   return curvature;
 }
@@ -36,8 +31,7 @@ double read_curvature(const XmlElement& element, const char* attribute) {
 }  // namespace
 
 double value_at(const std::vector<Cubic>& cubics, double s_m) {
-  constexpr double kSame_m = 1e-9;
-  const auto after = std::ranges::upper_bound(cubics, s_m + kSame_m, {}, &Cubic::s_m);
+  const auto after = std::ranges::upper_bound(cubics, s_m + kPlanView.same_m, {}, &Cubic::s_m);
   if (after == cubics.begin()) {
     return 0.0;
   }
@@ -49,7 +43,7 @@ PlanView::PlanView(const XmlElement& element, double longest_m) {
   for (const XmlElement& child : element.all("geometry")) {
     Geometry geometry = read_geometry(child);
     const double end_m = geometries_.empty() ? 0.0 : length_m();
-    if (!(std::abs(geometry.s_m - end_m) <= kGap_m)) {
+    if (!(std::abs(geometry.s_m - end_m) <= kPlanView.gap_m)) {
       child.fail(fmt::format("a geometry at s = {:.3f}, where the one before it ends", end_m),
                  fmt::format("{:.3f}", geometry.s_m));
     }
@@ -59,9 +53,10 @@ PlanView::PlanView(const XmlElement& element, double longest_m) {
     }
     if (auto* spiral = std::get_if<Spiral>(&geometry.shape)) {
       spiral->nodes_m.emplace_back(0.0, 0.0);
-      for (double ds = 0.0; ds + kSpiralStep_m <= geometry.length_m; ds += kSpiralStep_m) {
+      for (double ds = 0.0; ds + kPlanView.spiral_step_m <= geometry.length_m;
+           ds += kPlanView.spiral_step_m) {
         spiral->nodes_m.emplace_back(spiral->nodes_m.back() +
-                                     spiral->between(ds, ds + kSpiralStep_m));
+                                     spiral->between(ds, ds + kPlanView.spiral_step_m));
       }
     }
     geometries_.push_back(std::move(geometry));
@@ -167,9 +162,9 @@ Eigen::Vector2d PlanView::Spiral::between(double begin, double end) const {
 
 PlanView::Pose PlanView::local(const Spiral& spiral, double ds) {
   const double last = static_cast<double>(spiral.nodes_m.size() - 1);
-  const double node = std::clamp(std::floor(ds / kSpiralStep_m), 0.0, last);
+  const double node = std::clamp(std::floor(ds / kPlanView.spiral_step_m), 0.0, last);
   return {.position_m = spiral.nodes_m[static_cast<std::size_t>(node)] +
-                        spiral.between(node * kSpiralStep_m, ds),
+                        spiral.between(node * kPlanView.spiral_step_m, ds),
           .heading_rad = spiral.heading_at(ds)};
 }
 

@@ -57,7 +57,7 @@ class PlanView {
   struct Spiral {
     double curvature = 0.0;
     double curvature_per_m = 0.0;
-    // In its own frame, each `kSpiralStep_m`.
+    // In its own frame, each `kPlanView.spiral_step_m`.
     std::vector<Eigen::Vector2d> nodes_m = {};
 
     [[nodiscard]] double heading_at(double ds) const {

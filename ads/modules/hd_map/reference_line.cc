@@ -4,12 +4,10 @@
 #include <cmath>
 #include <cstddef>
 
+#include "hd_map_tuning.h"
+
 namespace ads {
 namespace {
-
-constexpr double kStep_m = 1.0;
-// Points that are closer, or go back, as ends of lanes in a map may, are left out.
-constexpr double kForward_m = 0.05;
 
 // From 0 to 1 with no slope and no curvature at both ends.
 double blend(double share) {
@@ -26,7 +24,7 @@ class Trail {
 
   void follow(std::int64_t lane, double from_m, double to_m) {
     const Polyline& center = graph_.node(lane).center;
-    for (double along = from_m; along < to_m; along += kStep_m) {
+    for (double along = from_m; along < to_m; along += kReferenceLine.step_m) {
       add(center.point_at(along), center.heading_at(along), lane);
     }
     add(center.point_at(to_m), center.heading_at(to_m), lane);
@@ -36,7 +34,7 @@ class Trail {
   double change(std::int64_t from, std::int64_t to, double from_m, double length_m) {
     const Polyline& begin = graph_.node(from).center;
     const Polyline& end = graph_.node(to).center;
-    const auto steps = static_cast<int>(std::max(1.0, std::ceil(length_m / kStep_m)));
+    const auto steps = static_cast<int>(std::max(1.0, std::ceil(length_m / kReferenceLine.step_m)));
     for (int step = 0; step <= steps; ++step) {
       const double share = static_cast<double>(step) / steps;
       const double along = from_m + share * length_m;
@@ -51,7 +49,7 @@ class Trail {
  private:
   void add(const Eigen::Vector2d& point_m, double heading_rad, std::int64_t lane) {
     if (points_m_.empty() ||
-        (point_m - points_m_.back()).dot(direction(heading_rad)) > kForward_m) {
+        (point_m - points_m_.back()).dot(direction(heading_rad)) > kReferenceLine.forward_m) {
       points_m_.push_back(point_m);
       lanes_.push_back(lane);
     }
@@ -117,7 +115,8 @@ double follow_changes(Trail& trail, const LaneGraph& graph, const LanePath& path
       center.project(graph.node(path.steps[last].lane).center.point_at(path.goal_along_m)).along_m;
   const double end_m = is_at_goal ? goal_m : center.length_m();
   const auto changes = static_cast<double>(last - first);
-  const double one_m = std::clamp((end_m - along_m) / changes, 2.0 * kStep_m, length_m);
+  const double one_m =
+      std::clamp((end_m - along_m) / changes, 2.0 * kReferenceLine.step_m, length_m);
   for (std::size_t step = first; step < last; ++step) {
     along_m = trail.change(path.steps[step].lane, path.steps[step + 1].lane, along_m, one_m);
   }
@@ -178,12 +177,9 @@ Eigen::Vector2d mean_at(const std::vector<Eigen::Vector2d>& points_m, std::ptrdi
 // How far to average at each point, in points: as far as the error allows, changing slowly.
 std::vector<double> deviations(const std::vector<Eigen::Vector2d>& points_m, double most,
                                double error_m) {
-  constexpr double kLeast = 1.0;
-  constexpr double kSlope = 0.05;
-  constexpr std::ptrdiff_t kMeanOver = 10;  // To both sides.
-  std::vector<double> result(points_m.size(), kLeast);
+  std::vector<double> result(points_m.size(), kReferenceLine.least);
   for (std::size_t index = 0; index < points_m.size(); ++index) {
-    for (double deviation = kLeast; deviation <= most; deviation *= 1.5) {
+    for (double deviation = kReferenceLine.least; deviation <= most; deviation *= 1.5) {
       const auto mean = mean_at(points_m, static_cast<std::ptrdiff_t>(index), deviation);
       if ((mean - points_m[index]).norm() > error_m) {
         break;
@@ -192,20 +188,21 @@ std::vector<double> deviations(const std::vector<Eigen::Vector2d>& points_m, dou
     }
   }
   for (std::size_t index = 1; index < result.size(); ++index) {
-    result[index] = std::min(result[index], result[index - 1] + kSlope);
+    result[index] = std::min(result[index], result[index - 1] + kReferenceLine.slope);
   }
   for (std::size_t index = result.size() - 1; index > 0; --index) {
-    result[index - 1] = std::min(result[index - 1], result[index] + kSlope);
+    result[index - 1] = std::min(result[index - 1], result[index] + kReferenceLine.slope);
   }
   // Without kinks, which would be seen in the line's curvature.
   const std::vector<double> limits = result;
   const auto last = static_cast<std::ptrdiff_t>(limits.size()) - 1;
   for (std::ptrdiff_t index = 0; index <= last; ++index) {
     double sum = 0.0;
-    for (std::ptrdiff_t away = -kMeanOver; away <= kMeanOver; ++away) {
+    for (std::ptrdiff_t away = -kReferenceLine.mean_over; away <= kReferenceLine.mean_over;
+         ++away) {
       sum += limits[static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(index + away, 0, last))];
     }
-    result[static_cast<std::size_t>(index)] = sum / (2 * kMeanOver + 1);
+    result[static_cast<std::size_t>(index)] = sum / (2 * kReferenceLine.mean_over + 1);
   }
   return result;
 }

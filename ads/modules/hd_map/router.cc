@@ -12,22 +12,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "hd_map_tuning.h"
+
 namespace ads {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// A lane in another direction than this is another way.
-constexpr double kDirection_rad = 1.2;
-// The cost of a heading oblique to a lane, in metres of way: of overlapping lanes, the one in the
-// vehicle's direction is chosen.
-constexpr double kSlant_m_per_rad = 20.0;
-// A goal may be passed by so much at the start.
-constexpr double kPassed_m = 1.0;
-// A route without a given place leads as straight on as lanes allow, for so long; a lane that ends
-// before counts like one across.
-constexpr double kStraightOn_m = 100.0;
 constexpr double kAcross_rad = std::numbers::pi / 2.0;
-constexpr double kHeadingStep_m = 2.0;
 
 struct Match {
   std::int64_t lane = 0;
@@ -47,7 +38,7 @@ Matches match(const LaneGraph& graph, const Eigen::Vector2d& place_m,
     const double along = node.center.project(place_m).along_m;
     const double slant_rad =
         heading_rad ? std::abs(normalize_angle(*heading_rad - node.center.heading_at(along))) : 0.0;
-    if (!node.is_drivable() || slant_rad > kDirection_rad) {
+    if (!node.is_drivable() || slant_rad > kRouter.direction_rad) {
       continue;
     }
     const double distance_m = node.distance_m(place_m, options.beyond_m);
@@ -100,7 +91,8 @@ class Search {
       : graph_(graph), start_m_(start_m), goal_m_(goal_m), options_(options) {}
 
   void begin_at(const Match& match) {
-    reach({.lane = match.lane, .has_moved = false}, kSlant_m_per_rad * match.slant_rad, {}, false);
+    reach({.lane = match.lane, .has_moved = false}, kRouter.slant_m_per_rad * match.slant_rad, {},
+          false);
   }
 
   template <typename IsGoal>
@@ -164,13 +156,12 @@ class Search {
 
   // How much of the lane lies behind a goal that is on it or beside it.
   [[nodiscard]] double behind_goal_m(const LaneGraph::Node& node) const {
-    constexpr double kBeside_m = 20.0;
     if (!goal_m_) {
       return 0.0;
     }
     const Polyline::Projection place = node.center.project(*goal_m_);
     const bool is_beside = place.along_m >= 0.0 && place.along_m <= node.center.length_m() &&
-                           std::abs(place.offset_m) < kBeside_m;
+                           std::abs(place.offset_m) < kRouter.beside_m;
     return is_beside ? node.center.length_m() - place.along_m : 0.0;
   }
 
@@ -192,8 +183,8 @@ class Search {
 };
 
 // The way from the start on whose direction differs least from the vehicle's, on average over its
-// first `kStraightOn_m`: what a driver takes who has no other goal. Dijkstra's algorithm: the first
-// way that reaches a lane is the only one to go on from it.
+// first `kRouter.straight_on_m`: what a driver takes who has no other goal. Dijkstra's algorithm:
+// the first way that reaches a lane is the only one to go on from it.
 class StraightWay {
  public:
   StraightWay(const LaneGraph& graph, const Eigen::Vector2d& start_m, double heading_rad)
@@ -205,9 +196,9 @@ class StraightWay {
     }
     Way way;
     std::set<std::int64_t> seen;
-    while (!open_.empty() && way.length_m < kStraightOn_m) {
+    while (!open_.empty() && way.length_m < kRouter.straight_on_m) {
       way = std::move(open_.extract(open_.begin()).mapped());
-      if (way.length_m < kStraightOn_m && seen.insert(way.lanes.back()).second) {
+      if (way.length_m < kRouter.straight_on_m && seen.insert(way.lanes.back()).second) {
         go_on_from(way);
       }
     }
@@ -235,8 +226,8 @@ class StraightWay {
     }
     if (!has_next) {
       add({.lanes = way.lanes,
-           .length_m = kStraightOn_m,
-           .cost = way.cost + kAcross_rad * (kStraightOn_m - way.length_m)});
+           .length_m = kRouter.straight_on_m,
+           .cost = way.cost + kAcross_rad * (kRouter.straight_on_m - way.length_m)});
     }
   }
 
@@ -247,9 +238,9 @@ class StraightWay {
 
   void extend(Way way, std::int64_t lane, double from_m) {
     const Polyline& center = graph_.node(lane).center;
-    const double to_m = std::min(center.length_m(), from_m + kStraightOn_m - way.length_m);
-    for (double along = from_m; along < to_m; along += kHeadingStep_m) {
-      const double step_m = std::min(kHeadingStep_m, to_m - along);
+    const double to_m = std::min(center.length_m(), from_m + kRouter.straight_on_m - way.length_m);
+    for (double along = from_m; along < to_m; along += kRouter.heading_step_m) {
+      const double step_m = std::min(kRouter.heading_step_m, to_m - along);
       const double heading = center.heading_at(along + step_m / 2.0);
       way.cost += std::abs(normalize_angle(heading - heading_rad_)) * step_m;
     }
@@ -334,7 +325,8 @@ std::variant<LanePath, std::string> find_path(const LaneGraph& graph,
     }
     const Polyline& center = graph.node(lane).center;
     return has_moved || !goal.place_m ||
-           center.project(*goal.place_m).along_m > center.project(start_m).along_m - kPassed_m;
+           center.project(*goal.place_m).along_m >
+               center.project(start_m).along_m - kRouter.passed_m;
   });
   if (!steps) {
     return fmt::format("no way leads from lane {} to lane {}", starts.lanes.front().lane,

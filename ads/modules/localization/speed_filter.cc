@@ -2,12 +2,10 @@
 
 #include <algorithm>
 
+#include "localization_tuning.h"
+
 namespace ads {
 namespace {
-
-constexpr double kSpeed_mps = 50.0;
-constexpr double kAcceleration_mps2 = 3.0;
-constexpr double kLongestGap_s = 1.0;
 
 double squared(double value) {
   return value * value;
@@ -16,9 +14,10 @@ double squared(double value) {
 }  // namespace
 
 SpeedFilter::SpeedFilter(const SpeedFilterConfig& config) : config_(config) {
-  memory_.covariance = Eigen::Vector3d(squared(kSpeed_mps), squared(kAcceleration_mps2),
-                                       squared(config.acceleration_bias_mps2))
-                           .asDiagonal();
+  memory_.covariance =
+      Eigen::Vector3d(squared(kSpeedFilter.speed_mps), squared(kSpeedFilter.acceleration_mps2),
+                      squared(config.acceleration_bias_mps2))
+          .asDiagonal();
 }
 
 void SpeedFilter::on_wheel_speed(std::chrono::nanoseconds time, double mps) {
@@ -37,11 +36,11 @@ void SpeedFilter::advance_to(std::chrono::nanoseconds time) {
   if (passed_s <= 0.0) {
     return;
   }
-  if (passed_s > kLongestGap_s) {
+  if (passed_s > kSpeedFilter.longest_gap_s) {
     // The old acceleration is meaningless.
     memory_.state[1] = 0.0;
-    memory_.covariance(0, 0) = squared(kSpeed_mps);
-    memory_.covariance(1, 1) = squared(kAcceleration_mps2);
+    memory_.covariance(0, 0) = squared(kSpeedFilter.speed_mps);
+    memory_.covariance(1, 1) = squared(kSpeedFilter.acceleration_mps2);
     return;
   }
   Eigen::Matrix3d jacobian = Eigen::Matrix3d::Identity();

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "motion_planning_tuning.h"
 #include "trajectory.h"
 
 namespace motion_planning {
@@ -11,26 +12,6 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kStep_s = Traffic::kStep_s;
-
-// Maximum braking for a line, and the time that it takes to build up. A vehicle that would have to
-// brake harder drives on.
-constexpr double kBrakingMax_mps2 = 3.5;
-constexpr double kBuildUp_s = 0.3;
-// The vehicle counts as stopped at a line below this speed, and within this distance.
-constexpr double kStanding_mps = 0.1;
-constexpr double kNear_m = 2.0;
-// The front may be so far over a line that is still to be kept: control is not exact.
-constexpr double kOver_m = 0.3;
-// So far behind a line the vehicle has left it.
-constexpr double kLeft_m = 5.0;
-
-// The way behind a line on which others count: a wide crossing.
-constexpr double kCrossing_m = 40.0;
-// Room beside both.
-constexpr double kBeside_m = 0.5;
-
-// A vehicle that is slower has not pulled out yet.
-constexpr double kPullingOut_mps = 1.0;
 
 // How the vehicle passes others.
 struct Manner {
@@ -44,15 +25,19 @@ struct Manner {
   double from_m = -kInfinity;
   double to_m = kInfinity;
 };
-constexpr Manner kAtALine{.going_mps2 = 1.5, .before_s = 1.5, .after_s = 0.5};
+constexpr Manner kAtALine{.going_mps2 = kYielding.at_line_going_mps2,
+                          .before_s = kYielding.at_line_before_s,
+                          .after_s = kYielding.at_line_after_s};
 // Where there is no line, the vehicle itself is one: it is not in the way yet, and would be as soon
 // as it drives off.
-constexpr Manner kElsewhere{
-    .going_mps2 = 3.0, .before_s = 0.5, .after_s = 0.0, .look_s = 3.0, .from_m = 0.0, .to_m = 5.0};
+constexpr Manner kElsewhere{.going_mps2 = kYielding.elsewhere_going_mps2,
+                            .before_s = kYielding.elsewhere_before_s,
+                            .after_s = 0.0,
+                            .look_s = kYielding.elsewhere_look_s,
+                            .from_m = 0.0,
+                            .to_m = kYielding.elsewhere_to_m};
 
 constexpr double kRounding = 1e-9;
-// Headings that differ by less lead the same way.
-constexpr double kAligned = 0.85;
 
 // The vehicle's position along the road at each step, without other traffic.
 std::vector<double> free_drive(const Problem& problem, double along_m, double going_mps2) {
@@ -88,9 +73,10 @@ Passage passage_of(const Problem& problem, const Traffic& traffic, std::size_t i
     const double sine = std::abs(std::sin(angle));
     const double half_along = other.half_length_m * cosine + other.half_width_m * sine;
     const double half_across = other.half_length_m * sine + other.half_width_m * cosine;
-    const bool is_in_way =
-        std::abs(place.offset_m) < half_across + problem.vehicle.width_m / 2.0 + kBeside_m &&
-        place.along_m + half_along > line_m && place.along_m - half_along < line_m + kCrossing_m;
+    const bool is_in_way = std::abs(place.offset_m) <
+                               half_across + problem.vehicle.width_m / 2.0 + kYielding.beside_m &&
+                           place.along_m + half_along > line_m &&
+                           place.along_m - half_along < line_m + kYielding.crossing_m;
     if (!is_in_way) {
       if (std::isfinite(passage.comes_s)) {
         break;
@@ -102,7 +88,7 @@ Passage passage_of(const Problem& problem, const Traffic& traffic, std::size_t i
     passage.leaves_s = time;
     passage.begin_m = std::min(passage.begin_m, place.along_m - half_along);
     passage.end_m = std::max(passage.end_m, place.along_m + half_along);
-    if (std::cos(angle) > kAligned) {
+    if (std::cos(angle) > kYielding.aligned) {
       break;  // From here on he leads.
     }
   }
@@ -159,17 +145,18 @@ std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
   const double speed = std::max(0.0, problem.start.speed_mps);
   for (const WaitingLine& line : lines) {
     const double to_line = line.along_m - half_length - along;
-    const double braking_way = to_line - kBuildUp_s * speed;
-    const bool is_passed = to_line < -kOver_m;
-    const bool is_too_late = speed > kStanding_mps &&
-                             speed * speed > 2.0 * kBrakingMax_mps2 * std::max(0.0, braking_way);
+    const double braking_way = to_line - kYielding.build_up_s * speed;
+    const bool is_passed = to_line < -kYielding.over_m;
+    const bool is_too_late =
+        speed > kYielding.standing_mps &&
+        speed * speed > 2.0 * kYielding.braking_max_mps2 * std::max(0.0, braking_way);
     if (is_passed || is_too_late) {
       continue;
     }
     Halt halt{.along_m = line.along_m - half_length - kBeforeLine_m, .line_m = line.along_m};
     halt.braking_mps2 =
         std::clamp(speed * speed / (2.0 * std::max(0.1, braking_way - kBeforeLine_m)),
-                   SpeedProfile::kBraking_mps2, kBrakingMax_mps2);
+                   SpeedProfile::kBraking_mps2, kYielding.braking_max_mps2);
     if (line.is_stop_sign && stood_at_lane != line.lane) {
       halt.kind = RuleKind::kStopLine;
       return halt;
@@ -182,7 +169,7 @@ std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
     }
   }
   // Also without a line.
-  if (speed < kPullingOut_mps) {
+  if (speed < kYielding.pulling_out_mps) {
     const double front = along + half_length;
     if (const auto object =
             first_to_let_pass(problem, traffic, objects, along, front, kElsewhere)) {
@@ -206,7 +193,7 @@ std::optional<Halt> halt_before_end(const Problem& problem, double map_end_m) {
   return Halt{.along_m = halt_m,
               .line_m = map_end_m,
               .braking_mps2 = std::clamp(speed * speed / (2.0 * std::max(0.1, halt_m - along)),
-                                         SpeedProfile::kBraking_mps2, kBrakingMax_mps2),
+                                         SpeedProfile::kBraking_mps2, kYielding.braking_max_mps2),
               .kind = RuleKind::kStopLine};
 }
 
@@ -216,11 +203,12 @@ std::optional<std::int64_t> stood_at(const Road& road, const Vehicle& vehicle, c
   const double front = road.locate(ego.x_m, ego.y_m).along_m + vehicle.length_m / 2.0;
   std::optional<std::int64_t> stood;
   for (const WaitingLine& line : lines) {
-    const bool is_near = front > line.along_m - kNear_m && front < line.along_m + kOver_m;
-    if (is_near && ego.speed_mps < kStanding_mps) {
+    const bool is_near =
+        front > line.along_m - kYielding.near_m && front < line.along_m + kYielding.over_m;
+    if (is_near && ego.speed_mps < kYielding.standing_mps) {
       return line.lane;
     }
-    if (line.lane == before && front < line.along_m + kLeft_m) {
+    if (line.lane == before && front < line.along_m + kYielding.left_m) {
       stood = before;
     }
   }

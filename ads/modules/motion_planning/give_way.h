@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "motion_planning_tuning.h"
 #include "problem.h"
 
 namespace motion_planning {
@@ -18,7 +19,7 @@ struct WaitingLine {
 };
 
 /// The distance between the line and the front of the stopped vehicle.
-inline constexpr double kBeforeLine_m = 1.0;
+inline constexpr double kBeforeLine_m = kYielding.before_line_m;
 
 /// The first line before which the vehicle must stop: at a stop sign where it has not stopped yet,
 /// or where it would conflict behind the line with an object that has right of way. A line that it

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/plane.h"
+#include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
@@ -64,8 +65,6 @@ bool is_finite(const PredictedWay& way) {
 // on those that follow without a gap. Bends of the lanes are bends of the road.
 void put_on_road(const mission::Goal& goal, const hd_map::Tile& tile, const Road& road,
                  Goal& known) {
-  constexpr double kBeside_m = 2.0;
-  constexpr double kGap_m = 1.0;
   if (road.is_empty()) {
     return;
   }
@@ -85,7 +84,8 @@ void put_on_road(const mission::Goal& goal, const hd_map::Tile& tile, const Road
     const Eigen::Vector2d middle = centre.point_at(centre.length_m() / 2.0);
     const double begin_m = road.locate(points.front().x(), points.front().y()).along_m;
     const double end_m = road.locate(points.back().x(), points.back().y()).along_m;
-    if (std::abs(road.locate(middle.x(), middle.y()).offset_m) < kBeside_m && end_m > begin_m) {
+    if (std::abs(road.locate(middle.x(), middle.y()).offset_m) < kMessages.beside_m &&
+        end_m > begin_m) {
       parts.push_back({begin_m, end_m, width_of(lane), std::move(centre)});
     }
   }
@@ -96,7 +96,7 @@ void put_on_road(const mission::Goal& goal, const hd_map::Tile& tile, const Road
   GoalStretch stretch{.begin_m = parts.front().begin_m, .offsets_m = {}};
   double end_m = stretch.begin_m;
   for (const Part& part : parts) {
-    if (part.begin_m > end_m + kGap_m) {
+    if (part.begin_m > end_m + kMessages.gap_m) {
       break;
     }
     for (; end_m <= part.end_m; end_m += Road::kStep_m) {
@@ -114,12 +114,13 @@ void put_on_road(const mission::Goal& goal, const hd_map::Tile& tile, const Road
 
 // With room on both sides: lanes define where the road leads, not how wide it is.
 Road road_along(const std::vector<const hd_map::Lane*>& lanes) {
-  constexpr double kRoom_m = 50.0;
   std::vector<RoadPoint> points;
   for (const hd_map::Lane* lane : lanes) {
     for (const Eigen::Vector2d& point : centre_of(*lane)) {
-      points.push_back(
-          {.x_m = point.x(), .y_m = point.y(), .left_edge_m = kRoom_m, .right_edge_m = kRoom_m});
+      points.push_back({.x_m = point.x(),
+                        .y_m = point.y(),
+                        .left_edge_m = kMessages.room_m,
+                        .right_edge_m = kMessages.room_m});
     }
   }
   return Road(points);
@@ -169,8 +170,6 @@ Road road_of(const hd_map::Route& route, const hd_map::Tile* tile) {
 }
 
 std::vector<Road> lanes_of(const hd_map::Tile& tile) {
-  constexpr std::size_t kRoadsMax = 64;
-  constexpr std::size_t kLanesMax = 50;
   std::map<std::int64_t, const hd_map::Lane*> lanes;
   for (const hd_map::Lane& lane : tile.lanes()) {
     if (lane.type() != hd_map::CROSSING) {
@@ -187,13 +186,13 @@ std::vector<Road> lanes_of(const hd_map::Tile& tile) {
     }
   }
   std::vector<Road> roads;
-  while (!open.empty() && roads.size() < kRoadsMax) {
+  while (!open.empty() && roads.size() < kMessages.roads_max) {
     Chain chain = std::move(open.back());
     open.pop_back();
     bool goes_on = false;
     for (const std::int64_t after : chain.back()->successors()) {
       const auto next = lanes.find(after);
-      if (next != lanes.end() && chain.size() < kLanesMax &&
+      if (next != lanes.end() && chain.size() < kMessages.lanes_max &&
           std::ranges::find(chain, next->second) == chain.end()) {
         goes_on = true;
         open.push_back(chain);
@@ -210,8 +209,6 @@ std::vector<Road> lanes_of(const hd_map::Tile& tile) {
 
 std::vector<WaitingLine> waiting_lines_of(const hd_map::Route& route, const hd_map::Tile& tile,
                                           const Road& road) {
-  // Lines may be drawn somewhat shorter than the lane is wide.
-  constexpr double kBeside_m = 0.5;
   std::set<std::int64_t> lanes;
   for (const hd_map::Route::Section& section : route.sections()) {
     lanes.insert(section.lanes().begin(), section.lanes().end());
@@ -225,8 +222,8 @@ std::vector<WaitingLine> waiting_lines_of(const hd_map::Route& route, const hd_m
     }
     const RoadPlace one = road.locate(line.x_m(0), line.y_m(0));
     const RoadPlace other = road.locate(line.x_m(1), line.y_m(1));
-    if (std::min(one.offset_m, other.offset_m) < kBeside_m &&
-        std::max(one.offset_m, other.offset_m) > -kBeside_m) {
+    if (std::min(one.offset_m, other.offset_m) < kMessages.line_beside_m &&
+        std::max(one.offset_m, other.offset_m) > -kMessages.line_beside_m) {
       lines.push_back({.lane = lane.id(),
                        .along_m = 0.5 * (one.along_m + other.along_m),
                        .is_stop_sign = lane.has_stop_sign()});
@@ -238,7 +235,6 @@ std::vector<WaitingLine> waiting_lines_of(const hd_map::Route& route, const hd_m
 }
 
 std::optional<double> map_end_of(const hd_map::Tile& tile, const Road& road) {
-  constexpr double kBeside_m = 2.0;
   double last_m = -kInfinity;
   bool goes_on = true;
   for (const hd_map::Lane& lane : tile.lanes()) {
@@ -247,7 +243,7 @@ std::optional<double> map_end_of(const hd_map::Tile& tile, const Road& road) {
       continue;
     }
     const RoadPlace end = road.locate(points.back().x(), points.back().y());
-    if (std::abs(end.offset_m) < kBeside_m && end.along_m > last_m) {
+    if (std::abs(end.offset_m) < kMessages.beside_m && end.along_m > last_m) {
       last_m = end.along_m;
       goes_on = !lane.successors().empty();
     }

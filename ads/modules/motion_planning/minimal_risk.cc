@@ -6,31 +6,11 @@
 #include <limits>
 #include <utility>
 
+#include "motion_planning_tuning.h"
 #include "optimizer.h"
 
 namespace motion_planning {
 namespace {
-
-constexpr std::array kBrakings_mps2 = {2.0, 3.0, 4.0, 5.0, 6.0, 8.0};
-constexpr double kJerk_mps3 = 15.0;
-// The time after the stop for which the vehicle stands, and is checked.
-constexpr double kStanding_s = 1.0;
-// To leave a lane before it brakes.
-constexpr double kDrivingOn_s = 2.5;
-// Predictions of others are meaningless beyond this time.
-constexpr double kLook_s = 6.0;
-
-// Costs in m/s^2 of braking: an object behind that has to brake at once, and one that would brake
-// too late; another line than the plan's; another lane.
-constexpr double kNotYielding = 80.0;
-constexpr double kPressed_m = 1.0;
-constexpr double kTooLate = 60.0;
-// The probability of a likely way, and the weight of the less likely ones.
-constexpr double kLikely = 0.5;
-constexpr double kPossible = 0.25;
-constexpr double kLeavingThePlan = 0.5;
-constexpr double kChangingLane = 2.0;
-constexpr double kLaneWidth_m = 3.5;
 
 // The line of a trajectory, by its length.
 class Line {
@@ -75,7 +55,7 @@ Trajectory braked(const Line& line, const Trajectory& along, double braking_mps2
   double acceleration = along.states.front().acceleration_mps2;
   double driven = 0.0;
   const double step = stop.step_s;
-  const auto standing = static_cast<std::size_t>(kStanding_s / step);
+  const auto standing = static_cast<std::size_t>(kMinimalRisk.standing_s / step);
   for (std::size_t stood = 0; stood < standing && stop.states.size() < 400;) {
     State state = line.at(driven);
     state.speed_mps = speed;
@@ -84,7 +64,8 @@ Trajectory braked(const Line& line, const Trajectory& along, double braking_mps2
     stood += speed > 0.0 ? 0 : 1;
     const double time = step * static_cast<double>(stop.states.size());
     const double wanted = time > after_s ? -braking_mps2 : 0.0;
-    acceleration += std::clamp(wanted - acceleration, -kJerk_mps3 * step, kJerk_mps3 * step);
+    acceleration += std::clamp(wanted - acceleration, -kMinimalRisk.jerk_mps3 * step,
+                               kMinimalRisk.jerk_mps3 * step);
     const double next = std::max(0.0, speed + step * acceleration);
     driven += 0.5 * step * (speed + next);
     speed = next;
@@ -98,13 +79,12 @@ double price_of_hit(const Trajectory& stop, const Verdict& verdict) {
     return 0.0;
   }
   const double impact_mps = stop.at(stop.start_s + verdict.hit_s).speed_mps;
-  return (3000.0 + 100.0 * impact_mps) / std::pow(0.2 + verdict.hit_s, 3.0);
+  return (kMinimalRisk.hit + kMinimalRisk.hit_per_mps * impact_mps) /
+         std::pow(kMinimalRisk.hit_soon_s + verdict.hit_s, 3.0);
 }
 
 // Whether a driver from behind, on the same line, would hit the vehicle.
 bool is_run_into(const Problem& problem, const Trajectory& stop, const Occupant& behind) {
-  constexpr double kReaction_s = 1.0;
-  constexpr double kBraking_mps2 = 5.0;
   const State& start = stop.states.front();
   const double distance = std::cos(behind.heading_rad) * (start.x_m - behind.x_m) +
                           std::sin(behind.heading_rad) * (start.y_m - behind.y_m);
@@ -113,8 +93,8 @@ bool is_run_into(const Problem& problem, const Trajectory& stop, const Occupant&
   for (std::size_t index = 0; index < stop.states.size(); ++index) {
     const double time = stop.step_s * static_cast<double>(index);
     const double own = stop.states[index].speed_mps;
-    if (time > kReaction_s && speed > own) {
-      speed = std::max(own, speed - stop.step_s * kBraking_mps2);
+    if (time > kMinimalRisk.reaction_s && speed > own) {
+      speed = std::max(own, speed - stop.step_s * kMinimalRisk.braking_mps2);
     }
     gap += stop.step_s * (own - speed);
     if (gap < 0.0) {
@@ -133,18 +113,16 @@ const std::vector<Road>& lanes_of(const Problem& problem) {
 class Arrivals {
  public:
   Arrivals(const Problem& problem, const Traffic& unyielding) : problem_(problem) {
-    constexpr double kMoving_mps = 0.5;
-    constexpr double kAligned = 0.85;
-    const auto step =
-        std::min(unyielding.steps(), static_cast<std::size_t>(kLook_s / Traffic::kStep_s));
+    const auto step = std::min(unyielding.steps(),
+                               static_cast<std::size_t>(kMinimalRisk.look_s / Traffic::kStep_s));
     for (const Road& lane : lanes_of(problem)) {
       comers_.emplace_back();
       for (const Occupant& other : unyielding.at(step)) {
-        if (other.probability < kProbabilityMin || other.speed_mps <= kMoving_mps) {
+        if (other.probability < kProbabilityMin || other.speed_mps <= kMinimalRisk.moving_mps) {
           continue;
         }
         const RoadPlace from = lane.locate(other.x_m, other.y_m);
-        if (std::cos(other.heading_rad - from.heading_rad) > kAligned) {
+        if (std::cos(other.heading_rad - from.heading_rad) > kMinimalRisk.aligned) {
           comers_.back().push_back({.along_m = from.along_m,
                                     .offset_m = from.offset_m,
                                     .half_width_m = other.half_width_m,
@@ -163,14 +141,14 @@ class Arrivals {
         continue;
       }
       const RoadPlace place = lanes_of(problem_)[index].locate(end.x_m, end.y_m);
-      if (std::abs(place.offset_m) > kLaneWidth_m / 2.0) {
+      if (std::abs(place.offset_m) > kMinimalRisk.lane_width_m / 2.0) {
         continue;
       }
       for (const Comer& comer : comers_[index]) {
         const double way = place.along_m - comer.along_m;
         const double beside = comer.half_width_m + problem_.vehicle.width_m / 2.0;
         if (way > 0.0 && std::abs(comer.offset_m - place.offset_m) < beside) {
-          first = std::min(first, kLook_s + way / comer.speed_mps);
+          first = std::min(first, kMinimalRisk.look_s + way / comer.speed_mps);
         }
       }
     }
@@ -193,12 +171,10 @@ class Arrivals {
 // that part far ahead, each is known from the map's begin on.
 bool is_same_ahead(const Road& one, double one_m, const Road& other, double other_m,
                    double reach_m) {
-  constexpr double kStep_m = 5.0;
-  constexpr double kSame_m = 0.1;
-  for (double ahead = 0.0; ahead < reach_m + kStep_m; ahead += kStep_m) {
+  for (double ahead = 0.0; ahead < reach_m + kMinimalRisk.step_m; ahead += kMinimalRisk.step_m) {
     const Pose a = one.pose(one_m + ahead, 0.0);
     const Pose b = other.pose(other_m + ahead, 0.0);
-    if (std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) > kSame_m) {
+    if (std::hypot(a.x_m - b.x_m, a.y_m - b.y_m) > kMinimalRisk.same_m) {
       return false;
     }
   }
@@ -208,9 +184,8 @@ bool is_same_ahead(const Road& one, double one_m, const Road& other, double othe
 // Drives on at the present speed, into a lane.
 Trajectory into_lane(const Problem& problem, const Road& lane, const RoadPlace& start,
                      double start_s) {
-  constexpr double kSideways_mps = 1.2;
-  constexpr double kShortest_s = 2.0;
-  const double duration = std::max(kShortest_s, std::abs(start.offset_m) / kSideways_mps);
+  const double duration =
+      std::max(kMinimalRisk.shortest_s, std::abs(start.offset_m) / kMinimalRisk.sideways_mps);
   std::vector<Pose> guess;
   for (std::size_t step = 1; step <= problem.traffic.steps(); ++step) {
     const double time = Traffic::kStep_s * static_cast<double>(step);
@@ -237,7 +212,8 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Arrival
     const double dy = occupant.y_m - start.y_m;
     const double ahead = dx * std::cos(start.heading_rad) + dy * std::sin(start.heading_rad);
     const double left = -dx * std::sin(start.heading_rad) + dy * std::cos(start.heading_rad);
-    const bool is_aligned = std::cos(occupant.heading_rad - start.heading_rad) > 0.85;
+    const bool is_aligned =
+        std::cos(occupant.heading_rad - start.heading_rad) > kMinimalRisk.aligned;
     const double beside = occupant.half_width_m + problem.vehicle.width_m / 2.0;
     const bool is_follower = std::abs(left) < beside;
     if (ahead < -problem.vehicle.length_m / 2.0 && is_aligned &&
@@ -251,30 +227,33 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Arrival
   Stop best{.price = std::numeric_limits<double>::infinity()};
   const auto consider = [&](double braking, double after_s) {
     Trajectory stop = braked(line, along, braking, after_s);
-    const Verdict verdict = judge(problem.vehicle, stop, problem.traffic, kLook_s, is_behind);
-    const Verdict likely =
-        judge(problem.vehicle, stop, problem.traffic, kLook_s, is_behind, kLikely);
+    const Verdict verdict =
+        judge(problem.vehicle, stop, problem.traffic, kMinimalRisk.look_s, is_behind);
+    const Verdict likely = judge(problem.vehicle, stop, problem.traffic, kMinimalRisk.look_s,
+                                 is_behind, kMinimalRisk.likely);
     double price = braking + after_s;
     if (std::isfinite(verdict.hit_s)) {
-      price += std::max(price_of_hit(stop, likely), kPossible * price_of_hit(stop, verdict));
-    } else if (verdict.smallest_gap_m < 0.5) {
-      price += 20.0 * (0.5 - verdict.smallest_gap_m);
+      price +=
+          std::max(price_of_hit(stop, likely), kMinimalRisk.possible * price_of_hit(stop, verdict));
+    } else if (verdict.smallest_gap_m < kMinimalRisk.gap_m) {
+      price += kMinimalRisk.gap * (kMinimalRisk.gap_m - verdict.smallest_gap_m);
     }
     const double arrival_s = arrivals.first_s(stop.states.back());
     const auto pressed_s = [&](double probability_min) {
       const Verdict pressed =
-          judge(problem.vehicle, stop, unyielding, kLook_s, {}, probability_min);
-      return pressed.smallest_gap_m < std::min(kPressed_m, verdict.smallest_gap_m) ? pressed.gap_s
-                                                                                   : arrival_s;
+          judge(problem.vehicle, stop, unyielding, kMinimalRisk.look_s, {}, probability_min);
+      return pressed.smallest_gap_m < std::min(kMinimalRisk.pressed_m, verdict.smallest_gap_m)
+                 ? pressed.gap_s
+                 : arrival_s;
     };
     const double possible_s = pressed_s(kProbabilityMin);
     const bool is_too_late =
         std::isfinite(possible_s) && std::ranges::any_of(followers, [&](const Occupant* follower) {
           return is_run_into(problem, stop, *follower);
         });
-    price += std::max(kNotYielding / (1.0 + pressed_s(kLikely)),
-                      kPossible * kNotYielding / (1.0 + possible_s));
-    price += is_too_late ? kTooLate : 0.0;
+    price += std::max(kMinimalRisk.not_yielding / (1.0 + pressed_s(kMinimalRisk.likely)),
+                      kMinimalRisk.possible * kMinimalRisk.not_yielding / (1.0 + possible_s));
+    price += is_too_late ? kMinimalRisk.too_late : 0.0;
     if (price < best.price) {
       best = {.trajectory = std::move(stop),
               .braking_mps2 = braking,
@@ -282,11 +261,11 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Arrival
               .price = price};
     }
   };
-  for (const double braking : kBrakings_mps2) {
+  for (const double braking : kMinimalRisk.brakings_mps2) {
     consider(braking, 0.0);
   }
   if (kind == StopLine::kOtherLane) {
-    consider(kBrakings_mps2.front(), kDrivingOn_s);
+    consider(kMinimalRisk.brakings_mps2.front(), kMinimalRisk.driving_on_s);
   }
   return best;
 }
@@ -299,19 +278,18 @@ Stop stop_along(const Problem& problem, const Traffic& unyielding, const Traject
 }
 
 Stop safest_stop(const Problem& problem, const Traffic& unyielding, const Trajectory& nominal) {
-  constexpr double kAligned = 0.85;
-  constexpr double kLanesBeside = 2.2;
-  constexpr double kLengthMin_m = 20.0;
   const Arrivals arrivals(problem, unyielding);
   Stop best = stop_along(problem, unyielding, arrivals, nominal, StopLine::kPlan);
   const double speed = std::max(0.0, problem.start.speed_mps);
-  const double reach_m = speed * kDrivingOn_s + speed * speed / (2.0 * kBrakings_mps2.front());
+  const double reach_m = speed * kMinimalRisk.driving_on_s +
+                         speed * speed / (2.0 * kMinimalRisk.brakings_mps2.front());
   std::vector<std::pair<const Road*, double>> tried;
   for (const Road& lane : lanes_of(problem)) {
     const RoadPlace start = lane.locate(problem.start.x_m, problem.start.y_m);
-    const double changes = std::abs(start.offset_m) / kLaneWidth_m;
-    if (changes > kLanesBeside || start.along_m > lane.length_m() - kLengthMin_m ||
-        std::cos(problem.start.heading_rad - start.heading_rad) < kAligned) {
+    const double changes = std::abs(start.offset_m) / kMinimalRisk.lane_width_m;
+    if (changes > kMinimalRisk.lanes_beside ||
+        start.along_m > lane.length_m() - kMinimalRisk.length_min_m ||
+        std::cos(problem.start.heading_rad - start.heading_rad) < kMinimalRisk.aligned) {
       continue;
     }
     if (std::ranges::any_of(tried, [&](const auto& other) {
@@ -323,7 +301,7 @@ Stop safest_stop(const Problem& problem, const Traffic& unyielding, const Trajec
     Stop other =
         stop_along(problem, unyielding, arrivals, into_lane(problem, lane, start, nominal.start_s),
                    changes < 0.5 ? StopLine::kOwnLane : StopLine::kOtherLane);
-    other.price += kLeavingThePlan + kChangingLane * changes;
+    other.price += kMinimalRisk.leaving_the_plan + kMinimalRisk.changing_lane * changes;
     if (other.price < best.price) {
       best = std::move(other);
     }

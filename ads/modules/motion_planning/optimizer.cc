@@ -6,50 +6,15 @@
 
 #include <Eigen/LU>
 
+#include "motion_planning_tuning.h"
+
 namespace motion_planning {
 namespace {
 
 constexpr double kStep_s = Traffic::kStep_s;
 
-// Weights are per second for what lasts, per case for the goal; units are the squares of those
-// named.
-constexpr double kJerk = 0.05;
-constexpr double kAcceleration = 0.1;
-constexpr double kLateralAcceleration = 0.15;
-constexpr double kLateralJerk = 0.02;
-constexpr double kSteeringRate = 4.0;
-constexpr double kDiscomfort = 1.5;
-constexpr double kLimit = 1000.0;
-constexpr double kLane = 0.03;
-constexpr double kCruise = 0.05;
 // Above what the road allows: a limit as the others, but not worth a collision.
-constexpr std::array kAboveBound = {kLimit, 0.5};
-// To the road's edges: what one likes to keep, and what localization and control need.
-constexpr double kEdgeSpace_m = 0.35;
-constexpr double kEdgeNeed_m = 0.3;
-constexpr double kEdge = 100.0;
-constexpr double kEdgeNear = 800.0;
-// So much nearer than at its centre an edge may be at the ends of the vehicle.
-constexpr double kEdgeChange_m = 1.5;
-
-constexpr double kComfortBraking_mps2 = -2.5;
-constexpr double kComfortSpeedingUp_mps2 = 1.8;
-constexpr double kComfortLateral_mps2 = 1.8;
-constexpr double kSpeedingUp_mps2 = 3.5;
-// Usually, and in an emergency.
-constexpr std::array kBraking_mps2 = {-5.3, -7.6};
-constexpr std::array kLateral_mps2 = {2.6, 5.0};
-constexpr double kJerkMax_mps3 = 20.0;
-// What tyres can do on a dry road: where nothing helps, an optimized way must not rely on more.
-constexpr double kBrakingMax_mps2 = -8.0;
-
-constexpr double kGoalPlace = 100.0;
-// Up to so far from the goal its pull increases; farther away it decreases slowly.
-constexpr double kGoalFar_m = 5.0;
-constexpr double kGoalCentre = 3.0;
-constexpr double kGoalHeading = 2000.0;
-constexpr double kGoalAhead = 200.0;
-constexpr double kGoalSpeed = 20.0;
+constexpr std::array kAboveBound = {kOptimizer.limit, kOptimizer.above_limit_in_emergency};
 
 double outside(double value, double low, double high) {
   return value < low ? value - low : std::max(0.0, value - high);
@@ -61,7 +26,7 @@ double cube(double value) {
 
 // The vehicle brakes no harder than it can, or does already.
 double possible_jerk_mps3(const State& state, double jerk_mps3) {
-  const double hardest_mps2 = std::min(kBrakingMax_mps2, state.acceleration_mps2);
+  const double hardest_mps2 = std::min(kOptimizer.braking_max_mps2, state.acceleration_mps2);
   return std::max(jerk_mps3, (hardest_mps2 - state.acceleration_mps2) / kStep_s);
 }
 
@@ -122,17 +87,18 @@ void Optimizer::add_motion(Quadratic& sum, const State& state, const Input* inpu
   const Vehicle& vehicle = problem_.vehicle;
   const double speed = state.speed_mps;
   const double a = state.acceleration_mps2;
-  const double braking = kBraking_mps2[problem_.is_emergency ? 1 : 0];
-  const double lateral_max = kLateral_mps2[problem_.is_emergency ? 1 : 0];
-  sum.add(4, a, kStep_s * kAcceleration);
-  if (a < kComfortBraking_mps2 || a > kComfortSpeedingUp_mps2) {
-    sum.add(4, outside(a, kComfortBraking_mps2, kComfortSpeedingUp_mps2), kStep_s * kDiscomfort);
+  const double braking = kOptimizer.braking_mps2[problem_.is_emergency ? 1 : 0];
+  const double lateral_max = kOptimizer.lateral_mps2[problem_.is_emergency ? 1 : 0];
+  sum.add(4, a, kStep_s * kOptimizer.acceleration);
+  if (a < kOptimizer.comfort_braking_mps2 || a > kOptimizer.comfort_speeding_up_mps2) {
+    sum.add(4, outside(a, kOptimizer.comfort_braking_mps2, kOptimizer.comfort_speeding_up_mps2),
+            kStep_s * kOptimizer.discomfort);
   }
-  if (a < braking || a > kSpeedingUp_mps2) {
-    sum.add(4, outside(a, braking, kSpeedingUp_mps2), kStep_s * kLimit);
+  if (a < braking || a > kOptimizer.speeding_up_mps2) {
+    sum.add(4, outside(a, braking, kOptimizer.speeding_up_mps2), kStep_s * kOptimizer.limit);
   }
   if (speed < 0.0) {
-    sum.add(3, speed, kStep_s * kLimit);
+    sum.add(3, speed, kStep_s * kOptimizer.limit);
   }
   const double tangent = std::tan(state.steering_rad) / vehicle.wheelbase_m;
   const double lateral = speed * speed * tangent;
@@ -140,29 +106,33 @@ void Optimizer::add_motion(Quadratic& sum, const State& state, const Input* inpu
   by_state(3) = 2.0 * speed * tangent;
   by_state(5) = speed * speed /
                 (vehicle.wheelbase_m * std::cos(state.steering_rad) * std::cos(state.steering_rad));
-  sum.add(by_state, lateral, kStep_s * kLateralAcceleration);
-  if (std::abs(lateral) > kComfortLateral_mps2) {
-    sum.add(by_state, outside(lateral, -kComfortLateral_mps2, kComfortLateral_mps2),
-            kStep_s * kDiscomfort);
+  sum.add(by_state, lateral, kStep_s * kOptimizer.lateral_acceleration);
+  if (std::abs(lateral) > kOptimizer.comfort_lateral_mps2) {
+    sum.add(by_state,
+            outside(lateral, -kOptimizer.comfort_lateral_mps2, kOptimizer.comfort_lateral_mps2),
+            kStep_s * kOptimizer.discomfort);
   }
   if (std::abs(lateral) > lateral_max) {
-    sum.add(by_state, outside(lateral, -lateral_max, lateral_max), kStep_s * kLimit);
+    sum.add(by_state, outside(lateral, -lateral_max, lateral_max), kStep_s * kOptimizer.limit);
   }
-  const double steering_max = vehicle.steering_max_rad - 0.05;
+  const double steering_max = vehicle.steering_max_rad - kOptimizer.steering_spare_rad;
   if (std::abs(state.steering_rad) > steering_max) {
-    sum.add(5, outside(state.steering_rad, -steering_max, steering_max), kStep_s * kLimit);
+    sum.add(5, outside(state.steering_rad, -steering_max, steering_max),
+            kStep_s * kOptimizer.limit);
   }
   if (input == nullptr) {
     return;
   }
-  sum.add_input(0, input->jerk_mps3, kStep_s * kJerk);
+  sum.add_input(0, input->jerk_mps3, kStep_s * kOptimizer.jerk);
   // Sideways, the jerk is about v^2 / wheelbase times the steering rate.
   const double jerk_by_rate = speed * speed / vehicle.wheelbase_m;
-  sum.add_input(1, input->steering_rate_radps,
-                kStep_s * (kSteeringRate + kLateralJerk * jerk_by_rate * jerk_by_rate));
-  const double rate_max = 0.9 * vehicle.steering_rate_max_radps;
+  sum.add_input(
+      1, input->steering_rate_radps,
+      kStep_s * (kOptimizer.steering_rate + kOptimizer.lateral_jerk * jerk_by_rate * jerk_by_rate));
+  const double rate_max = kOptimizer.steering_rate_share * vehicle.steering_rate_max_radps;
   if (std::abs(input->steering_rate_radps) > rate_max) {
-    sum.add_input(1, outside(input->steering_rate_radps, -rate_max, rate_max), kStep_s * kLimit);
+    sum.add_input(1, outside(input->steering_rate_radps, -rate_max, rate_max),
+                  kStep_s * kOptimizer.limit);
   }
 }
 
@@ -170,15 +140,15 @@ void Optimizer::add_road(Quadratic& sum, std::size_t step, const State& state) c
   const Road& road = problem_.road;
   const RoadPlace place = road.locate_near(state.x_m, state.y_m, road_hints_[step]);
   const Eigen::Vector3d to_left{-std::sin(place.heading_rad), std::cos(place.heading_rad), 0.0};
-  sum.add_pose(to_left, place.offset_m - lanes_m_[step], kStep_s * kLane);
+  sum.add_pose(to_left, place.offset_m - lanes_m_[step], kStep_s * kOptimizer.lane);
   add_edges(sum, state, place);
   add_speed(sum, step, state, place);
   const bool is_before_goal = goal_step_ != 0 && step <= goal_step_;
   const double error =
       state.speed_mps - cruise_at(problem_, profile_, place.along_m, is_before_goal);
-  sum.add(3, error, kStep_s * kCruise * cruise_share(error));
+  sum.add(3, error, kStep_s * kOptimizer.cruise * cruise_share(error));
   if (step == problem_.traffic.steps()) {
-    sum.add(2, wrapped(state.heading_rad - place.heading_rad), 20.0);
+    sum.add(2, wrapped(state.heading_rad - place.heading_rad), kOptimizer.end_heading);
   }
 }
 
@@ -203,11 +173,11 @@ void Optimizer::add_edges(Quadratic& sum, const State& state, const RoadPlace& p
   const Road& road = problem_.road;
   const double half_length = problem_.vehicle.length_m / 2.0;
   const double half_width = problem_.vehicle.width_m / 2.0;
-  const double reach = std::hypot(half_length, half_width) + kEdgeSpace_m;
+  const double reach = std::hypot(half_length, half_width) + kOptimizer.edge_space_m;
   const double left_m = road.left_edge_m(place.along_m);
   const double right_m = road.right_edge_m(place.along_m);
-  if (place.offset_m + reach + kEdgeChange_m < left_m &&
-      -place.offset_m + reach + kEdgeChange_m < right_m) {
+  if (place.offset_m + reach + kOptimizer.edge_change_m < left_m &&
+      -place.offset_m + reach + kOptimizer.edge_change_m < right_m) {
     return;
   }
   const double cosine = std::cos(state.heading_rad);
@@ -217,17 +187,19 @@ void Optimizer::add_edges(Quadratic& sum, const State& state, const RoadPlace& p
       const double dx = ahead * cosine - aside * sine;
       const double dy = ahead * sine + aside * cosine;
       const RoadPlace at = road.locate_near(state.x_m + dx, state.y_m + dy, place.index);
-      const double over_left = at.offset_m + kEdgeSpace_m - road.left_edge_m(at.along_m);
-      const double over_right = -at.offset_m + kEdgeSpace_m - road.right_edge_m(at.along_m);
+      const double over_left = at.offset_m + kOptimizer.edge_space_m - road.left_edge_m(at.along_m);
+      const double over_right =
+          -at.offset_m + kOptimizer.edge_space_m - road.right_edge_m(at.along_m);
       const double side = over_left > over_right ? 1.0 : -1.0;
       const double over = std::max(over_left, over_right);
       if (over > 0.0) {
         const double left_x = -std::sin(at.heading_rad);
         const double left_y = std::cos(at.heading_rad);
         const Eigen::Vector3d jacobian{left_x, left_y, left_y * dx - left_x * dy};
-        sum.add_pose(side * jacobian, over, kStep_s * kEdge);
-        if (over > kEdgeSpace_m - kEdgeNeed_m) {
-          sum.add_pose(side * jacobian, over - (kEdgeSpace_m - kEdgeNeed_m), kStep_s * kEdgeNear);
+        sum.add_pose(side * jacobian, over, kStep_s * kOptimizer.edge);
+        if (over > kOptimizer.edge_space_m - kOptimizer.edge_need_m) {
+          sum.add_pose(side * jacobian, over - (kOptimizer.edge_space_m - kOptimizer.edge_need_m),
+                       kStep_s * kOptimizer.edge_near);
         }
       }
     }
@@ -303,39 +275,42 @@ void Optimizer::add_goal(Quadratic& sum, std::size_t step, const State& state) c
   const Eigen::Vector3d by_along{cosine, sine, 0.0};
   const Eigen::Vector3d by_across{-sine, cosine, 0.0};
   const double room_along = goal.room_along_m();
-  const double room_across = 0.3 * goal.half_width_m;
+  const double room_across = kProblem.goal_width_share * goal.half_width_m;
   if (!goal.on_road) {
-    sum.add_pose_bounded(by_along, along, kGoalCentre, 1.0);
+    sum.add_pose_bounded(by_along, along, kOptimizer.goal_centre, 1.0);
   }
-  sum.add_pose_bounded(by_across, across, kGoalCentre, 1.0);
+  sum.add_pose_bounded(by_across, across, kOptimizer.goal_centre, 1.0);
   if (std::abs(along) > room_along) {
-    sum.add_pose_bounded(by_along, outside(along, -room_along, room_along), kGoalPlace, kGoalFar_m);
+    sum.add_pose_bounded(by_along, outside(along, -room_along, room_along), kOptimizer.goal_place,
+                         kOptimizer.goal_far_m);
   }
   if (std::abs(across) > room_across) {
-    sum.add_pose_bounded(by_across, outside(across, -room_across, room_across), kGoalPlace,
-                         kGoalFar_m);
+    sum.add_pose_bounded(by_across, outside(across, -room_across, room_across),
+                         kOptimizer.goal_place, kOptimizer.goal_far_m);
   }
   const double middle = 0.5 * (goal.heading_rad.low + goal.heading_rad.high);
   if (std::isfinite(middle)) {
     const double room = 0.5 * 0.5 * (goal.heading_rad.high - goal.heading_rad.low);
     const double angle = wrapped(state.heading_rad - middle);
-    sum.add(2, angle, kGoalAhead);
+    sum.add(2, angle, kOptimizer.goal_ahead);
     if (std::abs(angle) > room) {
-      sum.add(2, outside(angle, -room, room), kGoalHeading);
+      sum.add(2, outside(angle, -room, room), kOptimizer.goal_heading);
     }
   }
-  const double slack = std::min(0.5, 0.25 * (goal.speed_mps.high - goal.speed_mps.low));
+  const double slack =
+      std::min(kOptimizer.goal_speed_spare_mps,
+               kOptimizer.goal_speed_spare_share * (goal.speed_mps.high - goal.speed_mps.low));
   const double low = goal.speed_mps.low > 0.0 ? goal.speed_mps.low + slack : goal.speed_mps.low;
   const double high = goal.speed_mps.high - slack;
   if (state.speed_mps < low || state.speed_mps > high) {
-    sum.add(3, outside(state.speed_mps, low, high), kGoalSpeed);
+    sum.add(3, outside(state.speed_mps, low, high), kOptimizer.goal_speed);
   }
 }
 
 void Optimizer::add_pursuit(Quadratic& sum, const Pose& pose, const State& state) const {
-  sum.add(0, state.x_m - pose.x_m, kStep_s * 2.0);
-  sum.add(1, state.y_m - pose.y_m, kStep_s * 2.0);
-  sum.add(2, wrapped(state.heading_rad - pose.heading_rad), kStep_s * 10.0);
+  sum.add(0, state.x_m - pose.x_m, kStep_s * kOptimizer.pursuit);
+  sum.add(1, state.y_m - pose.y_m, kStep_s * kOptimizer.pursuit);
+  sum.add(2, wrapped(state.heading_rad - pose.heading_rad), kStep_s * kOptimizer.pursuit_heading);
 }
 
 void Optimizer::add_stage(Quadratic& sum, std::size_t step, const State& state,
@@ -469,8 +444,8 @@ Way Optimizer::descend(Way way, int iterations_max) {
         const InputVector input = share * gains[step].open + gains[step].feedback * change;
         const double rate_max = problem_.vehicle.steering_rate_max_radps;
         trial.inputs[step] = {
-            .jerk_mps3 =
-                std::clamp(way.inputs[step].jerk_mps3 + input(0), -kJerkMax_mps3, kJerkMax_mps3),
+            .jerk_mps3 = std::clamp(way.inputs[step].jerk_mps3 + input(0),
+                                    -kOptimizer.jerk_max_mps3, kOptimizer.jerk_max_mps3),
             .steering_rate_radps =
                 std::clamp(way.inputs[step].steering_rate_radps + input(1), -rate_max, rate_max)};
         if (problem_.is_emergency) {

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "motion_planning_tuning.h"
 #include "problem.h"
 
 namespace motion_planning {
@@ -16,7 +17,7 @@ namespace motion_planning {
 class Optimizer {
  public:
   /// The maximum number of iterations, each linear in the number of steps.
-  static constexpr int kIterationsMax = 25;
+  static constexpr int kIterationsMax = kOptimizer.iterations_max;
 
   explicit Optimizer(const Problem& problem) : problem_(problem), profile_(profile_of(problem)) {}
 

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "minimal_risk.h"
+#include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
@@ -16,15 +17,6 @@ namespace {
 constexpr double kStep_s = Traffic::kStep_s;
 constexpr double kHalfStep_s = kStep_s / 2.0;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// Planned beyond the goal, so that the vehicle does not reach it in a state without continuation.
-constexpr double kAfterGoal_s = 2.0;
-// Farther than this from the plan the vehicle does not follow it.
-constexpr double kOffPlan_m = 1.0;
-constexpr double kOffPlan_mps = 1.5;
-constexpr double kOffPlan_rad = 0.2;
-// So much over an edge counts as on the road: what the margins of a plan are for.
-constexpr double kOverEdge_m = 0.1;
 
 // Deviations from the goal state: all 0 when it is reached.
 struct Miss {
@@ -68,11 +60,10 @@ Miss miss_of(const Goal& goal, const Road& road, const State& state) {
 
 // When the trajectory reaches the goal, or what it misses it by at best.
 void set_goal_miss(const Goal& goal, const Road& road, Plan& plan) {
-  constexpr double kLook_s = 0.02;
   Miss best;
   double best_size = kInfinity;
   const double begin = std::max(goal.time_s.low, plan.nominal.start_s);
-  for (double time = begin; time <= goal.time_s.high + 1e-9; time += kLook_s) {
+  for (double time = begin; time <= goal.time_s.high + 1e-9; time += kPlanner.look_s) {
     const Miss miss = miss_of(goal, road, plan.nominal.at(time));
     if (miss.size() == 0.0) {
       plan.goal_s = time;
@@ -173,25 +164,21 @@ Trajectory start_of(const Problem& problem) {
 
 // A collision that cannot be avoided is to be late, as predictions may be wrong, and slow.
 double harm(const Verdict& verdict) {
-  constexpr double kSlow_mps = 5.0;
-  constexpr double kSoon_s = 0.2;
   return std::isfinite(verdict.hit_s)
-             ? (1.0 + verdict.hit_mps / kSlow_mps) / (kSoon_s + verdict.hit_s)
+             ? (1.0 + verdict.hit_mps / kPlanner.slow_mps) / (kPlanner.soon_s + verdict.hit_s)
              : 0.0;
 }
 
 // Positions that brake as hard as can be, and move to the side by `side_m`.
 std::vector<Pose> braking_guess(const Problem& problem, double side_m) {
-  constexpr double kBraking_mps2 = 7.5;
-  constexpr double kAside_s = 1.5;
   const RoadPlace start = problem.road.locate(problem.start.x_m, problem.start.y_m);
   const double speed = std::max(0.0, problem.start.speed_mps);
   std::vector<Pose> guess;
   for (std::size_t step = 1; step <= problem.traffic.steps(); ++step) {
     const double time = kStep_s * static_cast<double>(step);
-    const double braked = std::min(time, speed / kBraking_mps2);
-    const double along = speed * braked - 0.5 * kBraking_mps2 * braked * braked;
-    const double side = side_m * std::min(1.0, braked / kAside_s);
+    const double braked = std::min(time, speed / kPlanner.braking_mps2);
+    const double along = speed * braked - 0.5 * kPlanner.braking_mps2 * braked * braked;
+    const double side = side_m * std::min(1.0, braked / kPlanner.aside_s);
     guess.push_back(problem.road.pose(start.along_m + along, start.offset_m + side));
   }
   return guess;
@@ -224,9 +211,9 @@ std::vector<State> Planner::committed(const Situation& situation) const {
                      situation.now_s + config_.committed_s < last.start_s + last.duration_s();
   if (is_followed) {
     const State planned = last.at(situation.now_s);
-    is_followed = std::hypot(planned.x_m - ego.x_m, planned.y_m - ego.y_m) < kOffPlan_m &&
-                  std::abs(planned.speed_mps - ego.speed_mps) < kOffPlan_mps &&
-                  std::abs(wrapped(planned.heading_rad - ego.heading_rad)) < kOffPlan_rad;
+    is_followed = std::hypot(planned.x_m - ego.x_m, planned.y_m - ego.y_m) < kPlanner.off_plan_m &&
+                  std::abs(planned.speed_mps - ego.speed_mps) < kPlanner.off_plan_mps &&
+                  std::abs(wrapped(planned.heading_rad - ego.heading_rad)) < kPlanner.off_plan_rad;
   }
   std::vector<State> states = {is_followed ? last.at(situation.now_s) : ego};
   const auto count = static_cast<std::size_t>(std::llround(config_.committed_s / kHalfStep_s));
@@ -274,9 +261,6 @@ Way Planner::continued(const Problem& problem, double start_s) const {
 
 // Without a limit: as is usual in towns, or faster, as the driver was or those around him are.
 double Planner::cruise_mps(const Situation& situation) const {
-  constexpr double kMoving_mps = 1.0;
-  constexpr double kAround_m = 60.0;
-  constexpr double kAligned = 0.85;
   const Road& road = *situation.road;
   const double along = road.locate(situation.ego.x_m, situation.ego.y_m).along_m;
   double sum = 0.0;
@@ -289,8 +273,9 @@ double Planner::cruise_mps(const Situation& situation) const {
     const RoadPlace place = road.locate(state.x_m, state.y_m);
     const bool is_on_road = place.offset_m < road.left_edge_m(place.along_m) &&
                             -place.offset_m < road.right_edge_m(place.along_m);
-    if (state.speed_mps > kMoving_mps && std::abs(place.along_m - along) < kAround_m &&
-        is_on_road && std::cos(state.heading_rad - place.heading_rad) > kAligned) {
+    if (state.speed_mps > kPlanner.moving_mps &&
+        std::abs(place.along_m - along) < kPlanner.around_m && is_on_road &&
+        std::cos(state.heading_rad - place.heading_rad) > kPlanner.aligned) {
       sum += state.speed_mps;
       count += 1.0;
     }
@@ -308,7 +293,7 @@ Way Planner::best_way(const Problem& problem, double start_s, bool is_driving, P
   if (last_ && is_driving) {
     Way same = optimizer.improve(continued(problem, start_s));
     // The last plan is continued, unless another way is clearly better.
-    if (same.cost <= 1.02 * best.cost + 0.1) {
+    if (same.cost <= kPlanner.same_share * best.cost + kPlanner.same_cost) {
       best = std::move(same);
     }
   }
@@ -316,12 +301,11 @@ Way Planner::best_way(const Problem& problem, double start_s, bool is_driving, P
 }
 
 Way Planner::evade(const Problem& problem, const Way& nominal) const {
-  constexpr double kAside_m = 1.2;
   Problem emergency = problem;
   emergency.is_emergency = true;
   Optimizer optimizer(emergency);
   std::vector<Way> ways = {optimizer.improve(nominal)};
-  for (const double side : {0.0, kAside_m, -kAside_m}) {
+  for (const double side : {0.0, kPlanner.aside_m, -kPlanner.aside_m}) {
     ways.push_back(optimizer.improve(optimizer.follow(braking_guess(problem, side))));
   }
   // To stand where the vehicle is, whatever its goal.
@@ -329,8 +313,8 @@ Way Planner::evade(const Problem& problem, const Way& nominal) const {
   ways.back().cost = optimizer.cost(ways.back());
   // The area beside the road is unknown: only if every way leads over its edge, the one that does
   // so by least is chosen.
-  const double allowed_m = kOverEdge_m + over_edge_m(config_.vehicle, start_of(problem),
-                                                     problem.road, config_.certain_s);
+  const double allowed_m = kPlanner.over_edge_m + over_edge_m(config_.vehicle, start_of(problem),
+                                                              problem.road, config_.certain_s);
   const auto price = [&](const Way& way) {
     const Trajectory trajectory = trajectory_of(config_.vehicle, way, 0.0);
     const Verdict verdict = judge(config_.vehicle, trajectory, problem.traffic, config_.certain_s);
@@ -383,7 +367,7 @@ Plan Planner::plan(const Situation& situation) {
     goal->spare_share = ahead > 0.0 ? 0.0 : goal->spare_share;
   }
   if (goal) {
-    horizon = std::clamp(goal->time_s.high + kAfterGoal_s, horizon, config_.horizon_max_s);
+    horizon = std::clamp(goal->time_s.high + kPlanner.after_goal_s, horizon, config_.horizon_max_s);
   }
   const auto steps = 2 * static_cast<std::size_t>(std::ceil(horizon / (2.0 * kStep_s)));
   const std::vector<State> expected_states =
@@ -426,7 +410,7 @@ Plan Planner::plan(const Situation& situation) {
   const double left_m =
       over_edge_m(config_.vehicle, plan.nominal, problem.road, config_.certain_s) -
       over_edge_m(config_.vehicle, start_of(problem), problem.road, config_.certain_s);
-  if (std::isfinite(verdict.hit_s) || left_m > kOverEdge_m) {
+  if (std::isfinite(verdict.hit_s) || left_m > kPlanner.over_edge_m) {
     plan.kind = PlanKind::kEvasive;
     plan.reason = std::isfinite(verdict.hit_s)
                       ? fmt::format("{} would be touched in {:.1f} s",
@@ -443,7 +427,7 @@ Plan Planner::plan(const Situation& situation) {
       return over_edge_m(config_.vehicle, trajectory, problem.road, config_.certain_s);
     };
     if (stopping.hit_s > verdict.hit_s &&
-        over(plan.minimal_risk) <= kOverEdge_m + over(plan.nominal)) {
+        over(plan.minimal_risk) <= kPlanner.over_edge_m + over(plan.nominal)) {
       plan.kind = PlanKind::kNone;
       plan.nominal = plan.minimal_risk;
     }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "motion_planning_tuning.h"
 #include "road.h"
 #include "speed_profile.h"
 #include "traffic.h"
@@ -50,16 +51,15 @@ struct Goal {
 
   /// The share of the length that is to stay free at both ends, so that the vehicle does not wait
   /// at the very end of a lane.
-  double spare_share = 0.25;
+  double spare_share = kProblem.spare_share;
 
   /// The maximum distance of the vehicle before or behind the centre, with a margin.
   [[nodiscard]] double room_along_m() const {
-    constexpr double kSpare_m = 1.5;
     if (!on_road) {
-      return 0.4 * half_length_m;
+      return kProblem.centre_share * half_length_m;
     }
-    return std::max(0.4 * half_length_m,
-                    half_length_m - std::max(kSpare_m, spare_share * half_length_m));
+    return std::max(kProblem.centre_share * half_length_m,
+                    half_length_m - std::max(kProblem.spare_m, spare_share * half_length_m));
   }
 };
 
@@ -101,8 +101,7 @@ inline double cruise_at(const Problem& problem, const SpeedProfile& profile, dou
 /// The factor on the weight of a speed error: beyond `kFar_mps` the pull to the desired speed does
 /// not increase further.
 inline double cruise_share(double error_mps) {
-  constexpr double kFar_mps = 4.0;
-  return std::min(1.0, kFar_mps / std::max(1e-9, std::abs(error_mps)));
+  return std::min(1.0, kProblem.far_mps / std::max(1e-9, std::abs(error_mps)));
 }
 
 /// A way to drive: `inputs[k]` leads from `states[k]` to `states[k + 1]`, `Traffic::kStep_s` later.

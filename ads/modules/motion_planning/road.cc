@@ -6,12 +6,10 @@
 #include <numbers>
 
 #include "common/plane.h"
+#include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
-
-// The cosine of the angle between two lines that lead in about one direction.
-constexpr double kSameDirection = 0.85;
 
 double mix(double from, double to, double share) {
   return from + share * (to - from);
@@ -93,7 +91,7 @@ void Road::add_lane(const std::vector<Eigen::Vector2d>& centre_m) {
     const bool is_beside = place.along_m >= 0.0 && place.along_m <= length_m() &&
                            place.offset_m < left_edge_m(place.along_m) &&
                            -place.offset_m < right_edge_m(place.along_m);
-    if (place.index != last && is_beside && std::cos(angle) > kSameDirection) {
+    if (place.index != last && is_beside && std::cos(angle) > kRoad.same_direction) {
       points_[place.index].lanes_m.push_back(place.offset_m);
       last = place.index;
     }

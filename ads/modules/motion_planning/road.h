@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#include "motion_planning_tuning.h"
+
 namespace motion_planning {
 
 /// One point of the planning reference line, from a map.
@@ -36,9 +38,9 @@ struct Pose {
 /// @threads  Compatible.
 class Road {
  public:
-  static constexpr double kStep_m = 1.0;
+  static constexpr double kStep_m = kRoad.step_m;
   /// The maximum number of points: the rest of a longer road is cut off.
-  static constexpr std::size_t kPointsMax = 5000;
+  static constexpr std::size_t kPointsMax = kRoad.points_max;
 
   Road() = default;
   explicit Road(const std::vector<RoadPoint>& points);

@@ -4,32 +4,13 @@
 #include <array>
 #include <cmath>
 
+#include "motion_planning_tuning.h"
+
 namespace motion_planning {
 namespace {
 
 constexpr double kLayer_s = 2.0 * Traffic::kStep_s;
-constexpr double kOffset_m = 0.2;
-constexpr double kAlongCell_m = 1.0;
-constexpr double kSpeedCell_mps = 0.7;
 constexpr std::size_t kCells = 1U << 15U;
-
-constexpr std::array kAccelerations_mps2 = {-6.0, -4.0, -2.5, -1.2, 0.0, 0.8, 1.8, 3.2};
-constexpr double kJerkMax_mps3 = 12.0;
-constexpr double kTouch_m = 0.3;
-
-// As in the optimizer.
-constexpr double kJerk = 0.05;
-constexpr double kAcceleration = 0.1;
-constexpr double kDiscomfort = 1.5;
-constexpr double kSideSpeed = 0.3;
-constexpr double kSideChange = 0.3;
-constexpr double kLane = 0.03;
-constexpr double kCruise = 0.05;
-constexpr double kLateral_mps2 = 2.5;
-constexpr double kLateral = 20.0;
-constexpr double kEdge = 100.0;
-constexpr double kGoalMiss = 50.0;
-constexpr double kGoalMissMax = 400.0;
 
 constexpr double outside(double value, double low, double high) {
   return value < low ? value - low : (value > high ? value - high : 0.0);
@@ -65,7 +46,7 @@ void Search::place_traffic() {
   for (std::size_t step = 0; step < blocks_.size(); ++step) {
     for (const Occupant& occupant : problem_.traffic.at(step)) {
       const RoadPlace place = road.locate(occupant.x_m, occupant.y_m);
-      const double room = 8.0;
+      const double room = kSearch.beyond_edge_m;
       if (place.offset_m > road.left_edge_m(place.along_m) + room ||
           -place.offset_m > road.right_edge_m(place.along_m) + room) {
         continue;
@@ -96,7 +77,7 @@ double Search::traffic_cost(std::size_t step, double along_m, double offset_m, b
     if (along >= block.spaces.front().along_m) {
       continue;
     }
-    is_hit = is_hit || (along < kTouch_m && across < kTouch_m);
+    is_hit = is_hit || (along < kSearch.touch_m && across < kSearch.touch_m);
     for (const Occupant::Space& space : block.spaces) {
       const double into_along = space.along_m - along;
       const double into_across = space.beside_m - across;
@@ -121,7 +102,7 @@ double Search::goal_miss(const Node& from, const Node& to, double from_s) const 
   const double begin = std::max(from_s, goal.time_s.low);
   const double end = std::min(from_s + kLayer_s, goal.time_s.high);
   if (begin > end) {
-    return kGoalMissMax;
+    return kSearch.goal_miss_max;
   }
   const double begin_share = (begin - from_s) / kLayer_s;
   const double end_share = (end - from_s) / kLayer_s;
@@ -129,12 +110,14 @@ double Search::goal_miss(const Node& from, const Node& to, double from_s) const 
   const double end_m = from.along_m + end_share * (to.along_m - from.along_m);
   const double room = goal.room_along_m();
   const double along = outside(goal_.along_m, begin_m - room, end_m + room);
-  const double offset = start_.offset_m + kOffset_m * (to.offset - 0.5 * to.move);
+  const double offset = start_.offset_m + kSearch.offset_m * (to.offset - 0.5 * to.move);
   const double across =
-      outside(offset - goal_offset_m(end_m), -0.3 * goal.half_width_m, 0.3 * goal.half_width_m);
+      outside(offset - goal_offset_m(end_m), -kProblem.goal_width_share * goal.half_width_m,
+              kProblem.goal_width_share * goal.half_width_m);
   const double speed = outside(to.speed_mps, goal.speed_mps.low, goal.speed_mps.high);
-  return kGoalMiss * (std::min(square(along), 4.0 + std::abs(along)) +
-                      std::min(square(across), 4.0 + std::abs(across)) + 0.3 * square(speed));
+  return kSearch.goal_miss * (std::min(square(along), kSearch.goal_square + std::abs(along)) +
+                              std::min(square(across), kSearch.goal_square + std::abs(across)) +
+                              kSearch.goal_speed * square(speed));
 }
 
 // The least that reaching the goal can cost from here: a linear acceleration profile, and moving
@@ -149,7 +132,8 @@ double Search::still_to_come(const Node& node, double time_s) const {
   const double way = goal_.along_m - node.along_m;
   const double beyond = -way - goal.room_along_m();
   if (beyond > 0.0) {  // The vehicle does not reverse.
-    return std::min(kGoalMiss * std::min(square(beyond), 4.0 + beyond), kGoalMissMax);
+    return std::min(kSearch.goal_miss * std::min(square(beyond), kSearch.goal_square + beyond),
+                    kSearch.goal_miss_max);
   }
   const double room = goal.on_road ? goal.room_along_m() : 0.0;
   const double late = std::max(0.0, way - room - node.speed_mps * latest);
@@ -158,25 +142,32 @@ double Search::still_to_come(const Node& node, double time_s) const {
   const double effort = late > 0.0 ? 1.5 * square(late) / (latest * latest * latest)
                                    : 1.5 * square(early) / (earliest * earliest * earliest);
   const double side =
-      std::abs(start_.offset_m + kOffset_m * node.offset - goal_offset_m(goal_.along_m));
-  const double unreachable = std::max(0.0, side - latest) +
-                             std::max(0.0, 2.0 * late / square(latest) - 3.0) * 5.0 +
-                             std::max(0.0, 2.0 * early / square(earliest) - 5.0) * 5.0;
-  const double estimate = 3.0 * kAcceleration * effort + 0.5 * kSideSpeed * side * side / latest +
-                          kGoalMiss * square(unreachable);
-  return std::min(estimate, kGoalMissMax);
+      std::abs(start_.offset_m + kSearch.offset_m * node.offset - goal_offset_m(goal_.along_m));
+  const double unreachable =
+      std::max(0.0, side - latest) +
+      std::max(0.0, 2.0 * late / square(latest) - kSearch.reach_speeding_up_mps2) *
+          kSearch.unreachable +
+      std::max(0.0, 2.0 * early / square(earliest) - kSearch.reach_braking_mps2) *
+          kSearch.unreachable;
+  const double estimate = 3.0 * kOptimizer.acceleration * effort +
+                          0.5 * kSearch.side_speed * side * side / latest +
+                          kSearch.goal_miss * square(unreachable);
+  return std::min(estimate, kSearch.goal_miss_max);
 }
 
 double Search::road_cost(const Node& node) const {
   const Road& road = problem_.road;
-  const double offset = start_.offset_m + kOffset_m * node.offset;
+  const double offset = start_.offset_m + kSearch.offset_m * node.offset;
   double cost =
-      0.5 * kLane * square(std::min(1.8, std::abs(offset - road.lane_m(node.along_m, offset))));
-  const double space = problem_.vehicle.width_m / 2.0 + 0.2;
-  cost += 0.5 * kEdge * square(std::max(0.0, offset + space - road.left_edge_m(node.along_m)));
-  cost += 0.5 * kEdge * square(std::max(0.0, -offset + space - road.right_edge_m(node.along_m)));
+      0.5 * kOptimizer.lane *
+      square(std::min(kSearch.lane_far_m, std::abs(offset - road.lane_m(node.along_m, offset))));
+  const double space = problem_.vehicle.width_m / 2.0 + kSearch.edge_space_m;
+  cost += 0.5 * kOptimizer.edge *
+          square(std::max(0.0, offset + space - road.left_edge_m(node.along_m)));
+  cost += 0.5 * kOptimizer.edge *
+          square(std::max(0.0, -offset + space - road.right_edge_m(node.along_m)));
   const double lateral = square(node.speed_mps) * std::abs(road.curvature_per_m(node.along_m));
-  cost += 0.5 * kLateral * square(std::max(0.0, lateral - kLateral_mps2));
+  cost += 0.5 * kSearch.lateral * square(std::max(0.0, lateral - kSearch.lateral_mps2));
   return cost;
 }
 
@@ -213,11 +204,11 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
   const double from_s = kLayer_s * static_cast<double>(layer);
   const std::size_t step = 2 * layer;
   bool is_at_bound = false;
-  for (const double tried : kAccelerations_mps2) {
+  for (const double tried : kSearch.accelerations_mps2) {
     if (is_at_bound) {
       break;  // All that speed up more would be held to the same.
     }
-    if (std::abs(tried - from.acceleration_mps2) > kJerkMax_mps3 * kLayer_s) {
+    if (std::abs(tried - from.acceleration_mps2) > kSearch.jerk_max_mps3 * kLayer_s) {
       continue;
     }
     const double acceleration = allowed(from, tried, from_s + kLayer_s);
@@ -230,7 +221,7 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
     if (to.speed_mps < 0.0) {
       driven_s = acceleration < 0.0 ? std::max(0.0, -from.speed_mps / acceleration) : 0.0;
       to.speed_mps = 0.0;
-      if (acceleration < -1.3 && from.speed_mps <= 0.0) {
+      if (acceleration < kSearch.standing_mps2 && from.speed_mps <= 0.0) {
         continue;
       }
     }
@@ -240,18 +231,19 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
     const double used =
         driven_s == kLayer_s ? acceleration : (to.speed_mps - from.speed_mps) / kLayer_s;
     double motion = 0.5 * kLayer_s *
-                    (kJerk * square(jerk) * 0.5 + kAcceleration * square(used) +
-                     kDiscomfort * square(outside(used, -2.5, 1.8)));
-    const int stride = way > 0.8 ? 2 : 1;
+                    (kOptimizer.jerk * square(jerk) * 0.5 + kOptimizer.acceleration * square(used) +
+                     kOptimizer.discomfort * square(outside(used, kOptimizer.comfort_braking_mps2,
+                                                            kOptimizer.comfort_speeding_up_mps2)));
+    const int stride = way > kSearch.two_offsets_m ? 2 : 1;
     for (int move = -stride; move <= stride; move += stride) {
-      if (move != 0 && way < 0.5) {
+      if (move != 0 && way < kSearch.one_offset_m) {
         continue;
       }
       ++candidates_;
       to.move = move;
       to.offset = from.offset + move;
-      const double offset = start_.offset_m + kOffset_m * to.offset;
-      const double middle_offset = offset - 0.5 * kOffset_m * move;
+      const double offset = start_.offset_m + kSearch.offset_m * to.offset;
+      const double middle_offset = offset - 0.5 * kSearch.offset_m * move;
       bool is_hit = false;
       double cost =
           traffic_cost(step + 1, 0.5 * (from.along_m + to.along_m), middle_offset, is_hit) +
@@ -260,11 +252,11 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
       cost *= 0.5 * kLayer_s;
       cost += motion + kLayer_s * road_cost(to);
       cost += 0.5 * kLayer_s *
-              (kSideSpeed * square(kOffset_m * move / kLayer_s) +
-               kSideChange * square(kOffset_m * (move - from.move) / kLayer_s));
+              (kSearch.side_speed * square(kSearch.offset_m * move / kLayer_s) +
+               kSearch.side_change * square(kSearch.offset_m * (move - from.move) / kLayer_s));
       const bool is_before_goal = problem_.goal && from_s < problem_.goal->time_s.high;
       const double error = to.speed_mps - cruise_at(problem_, profile_, to.along_m, is_before_goal);
-      cost += 0.5 * kLayer_s * kCruise * cruise_share(error) * square(error);
+      cost += 0.5 * kLayer_s * kOptimizer.cruise * cruise_share(error) * square(error);
       to.cost = from.cost + cost;
       to.goal_cost = from.goal_cost;
       if (problem_.goal) {
@@ -272,8 +264,8 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
       }
       to.promise = to.cost + std::min(to.goal_cost, still_to_come(to, from_s + kLayer_s));
       const auto along_cell =
-          static_cast<std::uint32_t>((to.along_m - start_.along_m) / kAlongCell_m);
-      const auto speed_cell = static_cast<std::uint32_t>(to.speed_mps / kSpeedCell_mps);
+          static_cast<std::uint32_t>((to.along_m - start_.along_m) / kSearch.along_cell_m);
+      const auto speed_cell = static_cast<std::uint32_t>(to.speed_mps / kSearch.speed_cell_mps);
       const auto offset_cell = static_cast<std::uint32_t>(to.offset + 128) & 255U;
       to.cell = (along_cell << 16U) | (speed_cell << 8U) | offset_cell;
       keep(to);
@@ -287,9 +279,10 @@ Found Search::run() {
       {.along_m = start_.along_m,
        .speed_mps = std::max(0.0, problem_.start.speed_mps),
        // A measured one may lie beyond all that anything can follow; of these, each has a next.
-       .acceleration_mps2 = std::clamp(problem_.start.acceleration_mps2,
-                                       kAccelerations_mps2.front(), kAccelerations_mps2.back()),
-       .goal_cost = problem_.goal ? kGoalMissMax : 0.0});
+       .acceleration_mps2 =
+           std::clamp(problem_.start.acceleration_mps2, kSearch.accelerations_mps2.front(),
+                      kSearch.accelerations_mps2.back()),
+       .goal_cost = problem_.goal ? kSearch.goal_miss_max : 0.0});
   std::size_t begin = 0;
   for (std::size_t layer = 0; layer < layers_; ++layer) {
     const std::size_t end = nodes_.size();
@@ -311,7 +304,7 @@ Found Search::run() {
     begin = end;
   }
   Found found{.cost = nodes_[begin].promise,
-              .reaches_goal = problem_.goal && nodes_[begin].goal_cost < 0.5 * kGoalMiss,
+              .reaches_goal = problem_.goal && nodes_[begin].goal_cost < 0.5 * kSearch.goal_miss,
               .candidates = candidates_,
               .feasible = feasible_};
   std::vector<const Node*> way;
@@ -324,9 +317,11 @@ Found Search::run() {
     const Node& from = *way[layer];
     const Node& to = *way[layer + 1];
     const double middle_m = from.along_m + kLayer_s * (3.0 * from.speed_mps + to.speed_mps) / 8.0;
-    found.poses.push_back(problem_.road.pose(
-        std::min(middle_m, to.along_m), start_.offset_m + kOffset_m * (to.offset - 0.5 * to.move)));
-    found.poses.push_back(problem_.road.pose(to.along_m, start_.offset_m + kOffset_m * to.offset));
+    found.poses.push_back(
+        problem_.road.pose(std::min(middle_m, to.along_m),
+                           start_.offset_m + kSearch.offset_m * (to.offset - 0.5 * to.move)));
+    found.poses.push_back(
+        problem_.road.pose(to.along_m, start_.offset_m + kSearch.offset_m * to.offset));
   }
   return found;
 }

@@ -4,13 +4,12 @@
 #include <cmath>
 #include <limits>
 
+#include "motion_planning_tuning.h"
+
 namespace motion_planning {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// On the last metre before a stop the bound falls ever more steeply. Its slope is limited to that
-// at this speed.
-constexpr double kSteepest_mps = 1.0;
 
 // A lower limit is kept from so far before it on: the road's points are a metre apart, and it may
 // begin anywhere between two of them.
@@ -81,7 +80,8 @@ SpeedProfile::Bound SpeedProfile::limit_at(double along_m) const {
   const double speed = std::isfinite(square)
                            ? std::sqrt(square + share * (next - square))
                            : std::sqrt(next + 2.0 * kBraking_mps2 * Road::kStep_m * (1.0 - share));
-  return {.speed_mps = speed, .by_along = -kBraking_mps2 / std::max(kSteepest_mps, speed)};
+  return {.speed_mps = speed,
+          .by_along = -kBraking_mps2 / std::max(kSpeedProfile.steepest_mps, speed)};
 }
 
 SpeedProfile::Bound SpeedProfile::halt_at(double along_m) const {
@@ -90,7 +90,8 @@ SpeedProfile::Bound SpeedProfile::halt_at(double along_m) const {
   }
   const double way = halt_->along_m - along_m;
   const double speed = std::sqrt(2.0 * halt_->braking_mps2 * std::max(0.0, way));
-  return {.speed_mps = speed, .by_along = -halt_->braking_mps2 / std::max(kSteepest_mps, speed)};
+  return {.speed_mps = speed,
+          .by_along = -halt_->braking_mps2 / std::max(kSpeedProfile.steepest_mps, speed)};
 }
 
 // The speed of a vehicle that begins to brake comfortably at the start. A positive initial

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "motion_planning_tuning.h"
 #include "road.h"
 #include "vehicle.h"
 
@@ -56,12 +57,12 @@ class SpeedProfile {
  public:
   /// To a lower limit, as most drivers brake: harder braking is uncomfortable (ISO 15622 limits
   /// cruise control to 3.5 m/s^2).
-  static constexpr double kBraking_mps2 = 2.0;
+  static constexpr double kBraking_mps2 = kSpeedProfile.braking_mps2;
   /// The jerk at which such braking builds up.
-  static constexpr double kJerk_mps3 = 3.0;
+  static constexpr double kJerk_mps3 = kSpeedProfile.jerk_mps3;
   /// A limit counts as kept if it is exceeded by no more: control does not follow a plan exactly. A
   /// rule applies to the plan within this tolerance.
-  static constexpr double kTolerance_mps = 0.3;
+  static constexpr double kTolerance_mps = kSpeedProfile.tolerance_mps;
 
   struct Bound {
     double speed_mps = 0.0;  ///< Infinite if there is none.

@@ -4,11 +4,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "motion_planning_tuning.h"
+
 namespace motion_planning {
 namespace {
-
-// Less probable ways are ignored.
-constexpr double kProbabilityMin = 0.04;
 
 PredictedState moved(const PredictedState& from, double time_s) {
   PredictedState to = from;
@@ -26,9 +25,9 @@ Occupant occupant(const PredictedState& state, const TrafficObject& object, doub
   const double along = state.along_stddev_m;
   const double across = state.across_stddev_m;
   const double speed = std::max(0.0, state.speed_mps);
-  const double first = object.goes_first ? 0.4 * speed : 0.0;
+  const double first = object.goes_first ? kTraffic.goes_first_s * speed : 0.0;
   // States far ahead are less certain, and can still be avoided later.
-  const double trust = probability / (1.0 + along / 3.0);
+  const double trust = probability / (1.0 + along / kTraffic.trusted_stddev_m);
   return {.x_m = state.x_m,
           .y_m = state.y_m,
           .heading_rad = state.heading_rad,
@@ -38,13 +37,21 @@ Occupant occupant(const PredictedState& state, const TrafficObject& object, doub
           .half_width_m = object.width_m / 2.0,
           .speed_mps = speed,
           .probability = probability,
-          .spaces = {{{.along_m = 1.5 + 0.6 * speed + first + std::min(along, 0.5 + 0.2 * speed),
-                       .beside_m = 1.0 + std::min(across, 0.4),
-                       .weight = 0.1 * trust},
-                      {.along_m = 1.0 + first + std::min(0.5 * along, 0.3 + 0.12 * speed),
-                       .beside_m = 0.7 + std::min(0.5 * across, 0.3),
-                       .weight = 40.0 * trust},
-                      {.along_m = 0.5, .beside_m = 0.5, .weight = 600.0 * trust}}}};
+          .spaces = {{{.along_m = kTraffic.comfort_m + kTraffic.comfort_s * speed + first +
+                                  std::min(along, kTraffic.comfort_stddev_m +
+                                                      kTraffic.comfort_stddev_s * speed),
+                       .beside_m = kTraffic.comfort_beside_m +
+                                   std::min(across, kTraffic.comfort_beside_stddev_m),
+                       .weight = kTraffic.comfort_weight * trust},
+                      {.along_m = kTraffic.safe_m + first +
+                                  std::min(0.5 * along,
+                                           kTraffic.safe_stddev_m + kTraffic.safe_stddev_s * speed),
+                       .beside_m = kTraffic.safe_beside_m +
+                                   std::min(0.5 * across, kTraffic.safe_beside_stddev_m),
+                       .weight = kTraffic.safe_weight * trust},
+                      {.along_m = kTraffic.touch_m,
+                       .beside_m = kTraffic.touch_m,
+                       .weight = kTraffic.touch_weight * trust}}}};
 }
 
 // One object in the road's frame, at one time after the other.
@@ -60,24 +67,12 @@ struct Follower {
   std::vector<double> offsets_m = {};
 };
 
-constexpr double kSpeedingUp_mps2 = 1.0;
-constexpr double kAligned = 0.85;
-constexpr double kFarAway_m = 1e6;
-constexpr double kQueueReach_m = 60.0;
-constexpr double kRoom_m = 1.5;
-// The time for which objects behind do not react to the vehicle.
-constexpr std::size_t kReactionSteps = 8;
-
 // The braking part of the intelligent driver model.
 double braking(double speed_mps, double closing_mps, double gap_m) {
-  constexpr double kStanding_m = 1.5;
-  constexpr double kHeadway_s = 0.5;
-  constexpr double kBraking_mps2 = 2.0;
-  constexpr double kBrakingMax_mps2 = 5.0;
-  const double wanted = kStanding_m + kHeadway_s * speed_mps +
-                        std::max(0.0, speed_mps * closing_mps / (2.0 * kBraking_mps2));
-  const double ratio = wanted / std::max(0.3, gap_m);
-  return std::clamp(kBraking_mps2 * (ratio * ratio - 1.0), 0.0, kBrakingMax_mps2);
+  const double wanted = kTraffic.standing_m + kTraffic.headway_s * speed_mps +
+                        std::max(0.0, speed_mps * closing_mps / (2.0 * kTraffic.braking_mps2));
+  const double ratio = wanted / std::max(kTraffic.gap_min_m, gap_m);
+  return std::clamp(kTraffic.braking_mps2 * (ratio * ratio - 1.0), 0.0, kTraffic.braking_max_mps2);
 }
 
 // Slows `follower` down behind `leader`, from `first_step` on; between them `spare_m` is to stay
@@ -93,7 +88,7 @@ void keep_behind(Follower& follower, const Follower& leader, double spare_m,
     const double gap =
         leader.alongs_m[step] - along - leader.half_length_m - follower.half_length_m - spare_m;
     const double predicted = follower.alongs_m[step + 1] - follower.alongs_m[step];
-    speed += Traffic::kStep_s * kSpeedingUp_mps2;
+    speed += Traffic::kStep_s * kTraffic.speeding_up_mps2;
     if (is_same_lane) {
       speed -= Traffic::kStep_s * braking(speed, speed - leader.speeds_mps[step], gap);
     }
@@ -112,9 +107,9 @@ Follower follower_of(const TrafficObject& object, const PredictedWay& way, const
   for (std::size_t step = 0; step <= steps; ++step) {
     const PredictedState state = state_at(way, Traffic::kStep_s * static_cast<double>(step));
     const RoadPlace place = road.locate(state.x_m, state.y_m);
-    const bool is_aligned = std::cos(state.heading_rad - place.heading_rad) > kAligned;
+    const bool is_aligned = std::cos(state.heading_rad - place.heading_rad) > kTraffic.aligned;
     // An object that drives across the road is in no queue.
-    follower.offsets_m.push_back(is_aligned ? place.offset_m : kFarAway_m);
+    follower.offsets_m.push_back(is_aligned ? place.offset_m : kTraffic.far_away_m);
     follower.alongs_m.push_back(place.along_m);
     follower.speeds_mps.push_back(state.speed_mps);
   }
@@ -186,7 +181,7 @@ std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, 
     for (PredictedWay& way : result[index].ways) {
       const bool is_first = &way == &result[index].ways.front();
       Follower follower = is_first ? first[index] : follower_of(objects[index], way, road, steps);
-      if (way.states.empty() || follower.offsets_m.front() == kFarAway_m) {
+      if (way.states.empty() || follower.offsets_m.front() == kTraffic.far_away_m) {
         continue;
       }
       const std::vector<double> predicted_m = follower.alongs_m;
@@ -196,14 +191,14 @@ std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, 
       for (const Follower& leader : ahead) {
         // No object is its own leader, whatever else it may do.
         if (leader.object == index ||
-            leader.alongs_m.front() - follower.alongs_m.front() > kQueueReach_m) {
+            leader.alongs_m.front() - follower.alongs_m.front() > kTraffic.queue_reach_m) {
           continue;
         }
         const bool is_ego_between = is_behind_ego && own.alongs_m.front() < leader.alongs_m.front();
-        keep_behind(follower, leader, is_ego_between ? vehicle.length_m + kRoom_m : 0.0);
+        keep_behind(follower, leader, is_ego_between ? vehicle.length_m + kTraffic.room_m : 0.0);
       }
       if (is_behind_ego) {
-        keep_behind(follower, own, 0.0, kReactionSteps);
+        keep_behind(follower, own, 0.0, kTraffic.reaction_steps);
       }
       if (follower.alongs_m != predicted_m) {
         way = slowed(way, predicted_m, follower);
@@ -242,7 +237,7 @@ PredictedState state_at(const PredictedWay& way, double time_s) {
 Traffic::Traffic(const std::vector<TrafficObject>& objects, std::size_t steps) : at_(steps + 1) {
   for (std::size_t index = 0; index < objects.size(); ++index) {
     for (const PredictedWay& way : objects[index].ways) {
-      if (way.states.empty() || way.probability < kProbabilityMin) {
+      if (way.states.empty() || way.probability < kTraffic.probability_min) {
         continue;
       }
       for (std::size_t step = 0; step <= steps; ++step) {

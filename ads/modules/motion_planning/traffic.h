@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "motion_planning_tuning.h"
 #include "road.h"
 #include "vehicle.h"
 
@@ -64,7 +65,7 @@ struct Occupant {
 /// @threads  Compatible.
 class Traffic {
  public:
-  static constexpr double kStep_s = 0.2;
+  static constexpr double kStep_s = kTraffic.step_s;
 
   Traffic() = default;
   /// `steps` steps follow the start. Beyond the end of a prediction its object drives straight on.

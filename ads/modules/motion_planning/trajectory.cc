@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "common/plane.h"
+#include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
@@ -26,8 +27,9 @@ ads::Box box_of(const Occupant& occupant) {
 // An optimized way may reverse. The vehicle stands then, and follows the way's speeds and steering
 // from where it stands. The optimizer leaves speeds a little below 0 at a stop; these count as 0.
 void stand_instead_of_reversing(const Vehicle& vehicle, double step_s, std::vector<State>& states) {
-  constexpr double kStop_mps = -0.3;
-  const auto is_reversing = [](const State& state) { return state.speed_mps < kStop_mps; };
+  const auto is_reversing = [](const State& state) {
+    return state.speed_mps < kTrajectory.stop_mps;
+  };
   if (std::ranges::none_of(states, is_reversing)) {
     for (State& state : states) {
       state.speed_mps = std::max(0.0, state.speed_mps);

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "motion_planning_tuning.h"
 #include "problem.h"
 
 namespace motion_planning {
@@ -45,7 +46,7 @@ double over_edge_m(const Vehicle& vehicle, const Trajectory& trajectory, const R
 
 /// Less probable ways are considered only by their cost, unless those of one object that touch the
 /// vehicle at the same time are more probable together.
-inline constexpr double kProbabilityMin = 0.2;
+inline constexpr double kProbabilityMin = kTrajectory.probability_min;
 
 /// Evaluates the first `until_s` of a trajectory with exact boxes. Ignores objects for which
 /// `is_ignored` is set, and ways less probable than `probability_min` as

@@ -8,17 +8,12 @@
 #include <utility>
 
 #include "common/plane.h"
+#include "odometry_tuning.h"
 
 namespace odometry {
 namespace {
 
 constexpr std::size_t kPointBytes = 16;
-// Of the poses, 1 sigma: what the map of a few metres around leaves open.
-constexpr double kPlaceStddev_m = 0.05;
-constexpr double kHeadingStddev_rad = 0.003;
-constexpr double kSpeedStddev_mps = 0.3;
-constexpr double kYawRateStddev_radps = 0.02;
-constexpr double kMatchedMin = 0.4;
 
 ScanMatcherConfig read_config(fastcycle::Context& context) {
   ScanMatcherConfig config;
@@ -135,7 +130,7 @@ void Odometry::publish_ego(const lidar::Sweep& sweep) {
   const Pose pose = begin_.moved(matcher_.pose());
   const Eigen::Vector2d ahead = ads::direction(pose.heading_rad);
   const Eigen::Vector2d center_m = pose.place_m - sweep.mount_forward_m() * ahead;
-  const bool is_held = !last_ns_ || matcher_.matched_share() >= kMatchedMin;
+  const bool is_held = !last_ns_ || matcher_.matched_share() >= kOdometry.matched_min;
   auto ego = ego_.loan();
   ego->mutable_header()->set_taken_ns(sweep.header().taken_ns() + sweep.duration_ns());
   ego->mutable_header()->set_frame("map");
@@ -144,8 +139,9 @@ void Odometry::publish_ego(const lidar::Sweep& sweep) {
   ego->set_heading_rad(pose.heading_rad);
   ego->set_speed_mps(matcher_.rate().place_m.x());
   ego->set_yaw_rate_radps(matcher_.rate().heading_rad);
-  const double stddevs[] = {kPlaceStddev_m, kPlaceStddev_m, kHeadingStddev_rad, kSpeedStddev_mps,
-                            kYawRateStddev_radps};
+  const double stddevs[] = {kOdometry.place_stddev_m, kOdometry.place_stddev_m,
+                            kOdometry.heading_stddev_rad, kOdometry.speed_stddev_mps,
+                            kOdometry.yaw_rate_stddev_radps};
   for (int row = 0; row < 5; ++row) {
     for (int column = 0; column < 5; ++column) {
       ego->add_covariance(row == column ? stddevs[row] * stddevs[row] : 0.0);

@@ -7,29 +7,10 @@
 #include <Eigen/Geometry>
 
 #include "common/plane.h"
+#include "odometry_tuning.h"
 
 namespace odometry {
 namespace {
-
-constexpr int kIterationsMax = 60;
-constexpr double kSettled_m = 1e-4;
-constexpr double kSettled_rad = 1e-5;
-// Of the map, in each voxel; they are at least half a voxel apart.
-constexpr std::size_t kPointsPerVoxel = 20;
-constexpr double kApart = 0.25;
-// Of a sweep, one point for each cube so large: fewer are quicker and no worse.
-constexpr double kThinning = 0.75;
-constexpr std::size_t kPointsMin = 50;
-// Of the first motion, about which nothing is known.
-constexpr double kForwardsMax_mps = 30.0;
-constexpr double kBackwardsMax_mps = 10.0;
-constexpr double kStepsMax = 40.0;
-// So much of a sweep on the map is no chance.
-constexpr double kMatched = 0.8;
-// One in so many points is used to estimate how many lie on the map.
-constexpr std::size_t kSome = 16;
-// After so many turns without a sweep the speed is another one.
-constexpr double kGap = 1.5;
 
 double squared(double value) {
   return value * value;
@@ -82,7 +63,7 @@ void ScanMatcher::take(std::span<const TimedPoint> points, double turn_s, double
     map_.clear();
     add_to_map(at_end(first_, over(turn_s)));
     first_.clear();
-  } else if (passed_s > kGap * turn_s) {
+  } else if (passed_s > kScanMatcher.gap * turn_s) {
     (void)match(points, turn_s, passed_s, config_.reach_first_m);
   }
   pose_ = match(points, turn_s, passed_s, config_.reach_m);
@@ -120,11 +101,11 @@ void ScanMatcher::find_first_rate(std::span<const TimedPoint> points, double tur
     }
   };
   const auto steps = [&](double speed_mps) {
-    return static_cast<int>(std::min(speed_mps * passed_s / step_m, kStepsMax));
+    return static_cast<int>(std::min(speed_mps * passed_s / step_m, kScanMatcher.steps_max));
   };
   try_step(0);
-  for (int step = -steps(kBackwardsMax_mps);
-       best_share < kMatched && step <= steps(kForwardsMax_mps); ++step) {
+  for (int step = -steps(kScanMatcher.backwards_max_mps);
+       best_share < kScanMatcher.matched && step <= steps(kScanMatcher.forwards_max_mps); ++step) {
     try_step(step);
   }
   rate_ = best;
@@ -135,7 +116,7 @@ double ScanMatcher::share_on_map(const std::vector<Eigen::Vector3f>& points,
                                  const Pose& pose) const {
   std::size_t count = 0;
   std::size_t on_map = 0;
-  for (std::size_t index = 0; index < points.size(); index += kSome) {
+  for (std::size_t index = 0; index < points.size(); index += kScanMatcher.some) {
     ++count;
     on_map += nearest(placed(pose, points[index]), 0.5 * config_.reach_m) != nullptr ? 1 : 0;
   }
@@ -164,12 +145,13 @@ Pose ScanMatcher::align(const std::vector<Eigen::Vector3f>& points, Pose pose, d
   Voxels seen;
   std::vector<Eigen::Vector3f> thinned;
   for (const Eigen::Vector3f& point : points) {
-    if (auto& voxel = seen[voxel_at(point, kThinning * config_.voxel_m)]; voxel.empty()) {
+    if (auto& voxel = seen[voxel_at(point, kScanMatcher.thinning * config_.voxel_m)];
+        voxel.empty()) {
       voxel.push_back(point);
       thinned.push_back(point);
     }
   }
-  for (int iteration = 0; iteration < kIterationsMax; ++iteration) {
+  for (int iteration = 0; iteration < kScanMatcher.iterations_max; ++iteration) {
     // Weights of Geman and McClure: what is off by a third of the reach counts a quarter.
     const double scale2 = squared(reach_m / 3.0);
     Eigen::Vector2d from = Eigen::Vector2d::Zero();
@@ -203,7 +185,7 @@ Pose ScanMatcher::align(const std::vector<Eigen::Vector3f>& points, Pose pose, d
     };
     matched_share_ = part(static_cast<double>(matched), thinned.size());
     residual_m_ = part(distances, matched);
-    if (matched < kPointsMin) {
+    if (matched < kScanMatcher.points_min) {
       return pose;  // Nothing to hold on to: the motion goes on.
     }
     // The turn and the shift that take one set of points to the other, least squares.
@@ -211,7 +193,7 @@ Pose ScanMatcher::align(const std::vector<Eigen::Vector3f>& points, Pose pose, d
     const Eigen::Vector2d shift = (to - Eigen::Rotation2Dd(turn) * from) / sum;
     pose.place_m += shift;
     pose.heading_rad = ads::normalize_angle(pose.heading_rad + turn);
-    if (shift.norm() < kSettled_m && std::abs(turn) < kSettled_rad) {
+    if (shift.norm() < kScanMatcher.settled_m && std::abs(turn) < kScanMatcher.settled_rad) {
       break;
     }
   }
@@ -244,11 +226,11 @@ const Eigen::Vector3f* ScanMatcher::nearest(const Eigen::Vector3f& place_m, doub
 }
 
 void ScanMatcher::add_to_map(const std::vector<Eigen::Vector3f>& points) {
-  const auto apart2 = static_cast<float>(squared(kApart * config_.voxel_m));
+  const auto apart2 = static_cast<float>(squared(kScanMatcher.apart * config_.voxel_m));
   for (const Eigen::Vector3f& point : points) {
     const Eigen::Vector3f place = placed(pose_, point);
     auto& voxel = map_[voxel_at(place, config_.voxel_m)];
-    if (voxel.size() < kPointsPerVoxel &&
+    if (voxel.size() < kScanMatcher.points_per_voxel &&
         std::ranges::none_of(voxel, [&](const Eigen::Vector3f& other) {
           return (other - place).squaredNorm() < apart2;
         })) {

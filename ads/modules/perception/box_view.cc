@@ -7,24 +7,12 @@
 #include <numbers>
 
 #include "common/plane.h"
+#include "perception_tuning.h"
 
 namespace ads {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-// Returns of one face scatter by less than this.
-constexpr double kFace_m = 0.12;
-// A face is seen as such over this width.
-constexpr double kFaceWidth_m = 0.5;
-// Of a narrow object, over this share of its width, but no less than that.
-constexpr double kFaceShare = 0.5;
-constexpr double kFaceWidthMin_m = 0.25;
-constexpr double kSideLength_m = 0.8;
-constexpr double kFaceStddev_m = 0.03;
-constexpr double kEndStddev_m = 0.06;
-// Beams that meet a face farther apart do not determine where it ends.
-constexpr double kSpacingMax_m = 1.0;
-constexpr float kUpright_m = 0.25F;
 
 // A point in the directions of the box, from the reference.
 using Along = Eigen::Vector2d;
@@ -47,7 +35,8 @@ class Measuring {
       : view_(view),
         reference_m_(reference_m),
         axis_(direction(heading_rad)),
-        face_width_m_(std::clamp(kFaceShare * width_m, kFaceWidthMin_m, kFaceWidth_m)) {
+        face_width_m_(std::clamp(kBoxView.face_share * width_m, kBoxView.face_width_min_m,
+                                 kBoxView.face_width_m)) {
     sensor_ = along(view.sensor_m);
     for (std::size_t index = 0; index < view.points.size(); ++index) {
       const Along place = along(view.points[index].place_m);
@@ -62,10 +51,11 @@ class Measuring {
   // The edge at the end of `axis` (0: heading, 1: left) in the direction `sign`.
   [[nodiscard]] Edge edge(int axis, double sign) const {
     const Extreme& extreme = extreme_of(axis, sign);
-    Edge edge{.place_m = sign * extreme.place_m, .stddev_m = kEndStddev_m, .is_end = false};
+    Edge edge{
+        .place_m = sign * extreme.place_m, .stddev_m = kBoxView.end_stddev_m, .is_end = false};
     if (is_turned_to_sensor(axis, sign)) {
       if (const auto place = face(axis, sign)) {
-        return {.place_m = sign * *place, .stddev_m = kFaceStddev_m, .is_end = true};
+        return {.place_m = sign * *place, .stddev_m = kBoxView.face_stddev_m, .is_end = true};
       }
     }
     const int other = 1 - axis;
@@ -75,16 +65,17 @@ class Measuring {
     }
     // It lies on the face beside, at the end of the silhouette: the next beam passed by.
     const Along end = along(view_.points[extreme.point].place_m);
-    const bool is_on_face = extreme_of(other, side).place_m - side * end[other] < kFace_m + 0.05;
+    const bool is_on_face =
+        extreme_of(other, side).place_m - side * end[other] < kBoxView.face_m + 0.05;
     const Along ray = (end - sensor_).normalized();
     const double spacing =
         view_.spread_rad * (end - sensor_).norm() / std::max(1e-3, std::abs(ray[other]));
     // Little of a face may be the face beside it, if the heading is not that exact.
     const bool is_long =
-        length_of_face(axis, other, side) > (axis == 0 ? kSideLength_m : face_width_m_);
-    if (is_on_face && is_long && spacing < kSpacingMax_m && is_upright(axis, sign)) {
+        length_of_face(axis, other, side) > (axis == 0 ? kBoxView.side_length_m : face_width_m_);
+    if (is_on_face && is_long && spacing < kBoxView.spacing_max_m && is_upright(axis, sign)) {
       edge.place_m += sign * 0.5 * spacing;
-      edge.stddev_m = std::hypot(kEndStddev_m, spacing / std::sqrt(12.0));
+      edge.stddev_m = std::hypot(kBoxView.end_stddev_m, spacing / std::sqrt(12.0));
       edge.is_end = true;
     }
     return edge;
@@ -121,7 +112,7 @@ class Measuring {
     int count = 0;
     for (const ObjectPoint& point : view_.points) {
       const Along place = along(point.place_m);
-      if (sign * place[axis] > end - kFace_m) {
+      if (sign * place[axis] > end - kBoxView.face_m) {
         low = std::min(low, place[other]);
         high = std::max(high, place[other]);
         sum += sign * place[axis];
@@ -160,7 +151,7 @@ class Measuring {
     double high = -low;
     for (const ObjectPoint& point : view_.points) {
       const Along place = along(point.place_m);
-      if (side * place[other] > end - kFace_m - 0.05) {
+      if (side * place[other] > end - kBoxView.face_m - 0.05) {
         low = std::min(low, place[axis]);
         high = std::max(high, place[axis]);
       }
@@ -174,12 +165,12 @@ class Measuring {
     float low = std::numeric_limits<float>::infinity();
     float high = 0.0F;
     for (const ObjectPoint& point : view_.points) {
-      if (sign * along(point.place_m)[axis] > end - kFace_m) {
+      if (sign * along(point.place_m)[axis] > end - kBoxView.face_m) {
         low = std::min(low, point.height_m);
         high = std::max(high, point.height_m);
       }
     }
-    return high - low > kUpright_m;
+    return high - low > kBoxView.upright_m;
   }
 
   [[nodiscard]] bool is_at_free_end(std::size_t index) const {
@@ -222,11 +213,6 @@ BoxView view_box(const ObjectView& view, const Skyline& skyline, const Eigen::Ve
 std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
                                             const Eigen::Vector2d& reference_m,
                                             double heading_rad) {
-  constexpr double kBand_m = 0.15;
-  constexpr double kLength_m = 1.2;
-  constexpr int kPoints = 8;
-  constexpr double kPointStddev_m = 0.03;
-  constexpr double kStddev_rad = 0.008;
   double weight = 0.0;
   double turn = 0.0;
   for (int axis = 0; axis < 2; ++axis) {
@@ -259,7 +245,7 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
         const double x = apart.dot(ahead);
         const double y = side * cross(ahead, apart);
         const double inside = offset + slope * x - y;
-        if (inside < kBand_m && inside > -kBand_m) {
+        if (inside < kBoxView.heading_band_m && inside > -kBoxView.heading_band_m) {
           sum += Eigen::Vector2d(x, y);
           square += x * x;
           product += x * y;
@@ -272,7 +258,7 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
       }
       length = high - low;
       rise_m = highest_m - lowest_m;
-      if (count < kPoints || length < kLength_m) {
+      if (count < kBoxView.heading_points_min || length < kBoxView.heading_length_m) {
         break;
       }
       const double n = count;
@@ -281,10 +267,13 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
       offset = (sum.y() - slope * sum.x()) / n;
     }
     // A roof is no face: what hides a part of it cuts it off at any angle.
-    if (count < kPoints || length < kLength_m || rise_m < kUpright_m) {
+    if (count < kBoxView.heading_points_min || length < kBoxView.heading_length_m ||
+        rise_m < kBoxView.upright_m) {
       continue;
     }
-    const double variance = kStddev_rad * kStddev_rad + kPointStddev_m * kPointStddev_m / scatter;
+    const double variance =
+        kBoxView.heading_stddev_rad * kBoxView.heading_stddev_rad +
+        kBoxView.heading_point_stddev_m * kBoxView.heading_point_stddev_m / scatter;
     weight += 1.0 / variance;
     turn += side * std::atan(slope) / variance;
   }
@@ -296,10 +285,8 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
 }
 
 double heading_by_closeness(const ObjectView& view, double middle_rad, double reach_rad) {
-  constexpr double kStep_rad = 2.5 * kPi / 180.0;
-  constexpr std::size_t kPointsMax = 120;
-  constexpr double kCloser_m = 0.03;  // Closer than that counts no more.
-  const std::size_t stride = view.points.size() / kPointsMax + 1;
+  constexpr double kStep_rad = kBoxView.closeness_step_deg * kPi / 180.0;
+  const std::size_t stride = view.points.size() / kBoxView.closeness_points_max + 1;
   const auto closeness = [&](double heading) {
     const Eigen::Vector2d axis = direction(heading);
     Eigen::Array2d low = Eigen::Array2d::Constant(std::numeric_limits<double>::infinity());
@@ -316,7 +303,7 @@ double heading_by_closeness(const ObjectView& view, double middle_rad, double re
     double sum = 0.0;
     for (std::size_t index = 0; index < view.points.size(); index += stride) {
       const Eigen::Array2d place = along(view.points[index]);
-      sum += 1.0 / std::max(kCloser_m, (place - low).min(high - place).minCoeff());
+      sum += 1.0 / std::max(kBoxView.closeness_min_m, (place - low).min(high - place).minCoeff());
     }
     return sum;
   };

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "perception_tuning.h"
 #include "skyline.h"
 
 namespace ads {
@@ -50,7 +51,7 @@ struct BoxView {
 };
 
 /// The width that `view_box` assumes of an unknown object.
-inline constexpr double kUsualWidth_m = 1.9;
+inline constexpr double kUsualWidth_m = kBoxView.usual_width_m;
 
 /// Of an object that is known to be narrow, as by `width_m`, less of a face is enough.
 [[nodiscard]] BoxView view_box(const ObjectView& view, const Skyline& skyline,

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "perception_tuning.h"
+
 namespace ads {
 namespace {
-
-constexpr double kCell_m = 0.2;
-// A side seen at a grazing angle: some metres beside the line of sight.
-constexpr double kAside_m = 1.6;
 
 double squared(double value) {
   return value * value;
@@ -18,7 +16,7 @@ double squared(double value) {
 
 Clustering::Clustering(const ClusteringConfig& config)
     : config_(config),
-      side_(2 * static_cast<int>(std::ceil(config.range_max_m / kCell_m)) + 1),
+      side_(2 * static_cast<int>(std::ceil(config.range_max_m / kClustering.cell_m)) + 1),
       grid_(static_cast<std::size_t>(side_) * static_cast<std::size_t>(side_), -1) {}
 
 const std::vector<int>& Clustering::group(std::span<const Eigen::Vector2f> points_m,
@@ -47,8 +45,8 @@ const std::vector<int>& Clustering::group(std::span<const Eigen::Vector2f> point
 }
 
 int Clustering::cell_at(float x_m, float y_m) {
-  const int column = side_ / 2 + static_cast<int>(std::lround(x_m / kCell_m));
-  const int row = side_ / 2 + static_cast<int>(std::lround(y_m / kCell_m));
+  const int column = side_ / 2 + static_cast<int>(std::lround(x_m / kClustering.cell_m));
+  const int row = side_ / 2 + static_cast<int>(std::lround(y_m / kClustering.cell_m));
   if (column < 0 || column >= side_ || row < 0 || row >= side_) {
     return -1;
   }
@@ -62,13 +60,13 @@ int Clustering::cell_at(float x_m, float y_m) {
 
 void Clustering::join_neighbours(int cell, double spread) {
   const Cell here = cells_[static_cast<std::size_t>(cell)];
-  const double x = kCell_m * (here.column - side_ / 2);
-  const double y = kCell_m * (here.row - side_ / 2);
-  const double range = std::max(kCell_m, std::hypot(x, y));
+  const double x = kClustering.cell_m * (here.column - side_ / 2);
+  const double y = kClustering.cell_m * (here.row - side_ / 2);
+  const double range = std::max(kClustering.cell_m, std::hypot(x, y));
   const double across = std::max(config_.across_m, 2.0 * spread * range);
   const double along =
-      std::clamp(1.5 * spread * squared(range) / kAside_m, across, config_.along_max_m);
-  const int reach = static_cast<int>(std::max(across, along) / kCell_m);
+      std::clamp(1.5 * spread * squared(range) / kClustering.aside_m, across, config_.along_max_m);
+  const int reach = static_cast<int>(std::max(across, along) / kClustering.cell_m);
   // Half of the neighbours: the others look back at this cell.
   for (int up = 0; up <= reach; ++up) {
     for (int right = up == 0 ? 1 : -reach; right <= reach; ++right) {
@@ -78,8 +76,8 @@ void Clustering::join_neighbours(int cell, double spread) {
         continue;
       }
       const int other = grid_[static_cast<std::size_t>(row * side_ + column)];
-      const double ahead = kCell_m * (right * x + up * y) / range;
-      const double aside = kCell_m * (up * x - right * y) / range;
+      const double ahead = kClustering.cell_m * (right * x + up * y) / range;
+      const double aside = kClustering.cell_m * (up * x - right * y) / range;
       if (other >= 0 && squared(ahead / along) + squared(aside / across) <= 1.0) {
         cells_[static_cast<std::size_t>(root_of(other))].root = root_of(cell);
       }

@@ -6,6 +6,8 @@
 
 #include <Eigen/Core>
 
+#include "perception_tuning.h"
+
 namespace ads {
 
 /// The vehicle's pose and motion at one time.
@@ -23,7 +25,7 @@ struct EgoPose {
 class EgoMotion {
  public:
   /// The motion is extrapolated beyond its first and last pose for this long.
-  static constexpr std::int64_t kReach_ns = 150'000'000;
+  static constexpr std::int64_t kReach_ns = kEgoMotion.reach_ns;
 
   void clear() { poses_.clear(); }
   /// Adds a pose; one that is not later than the last one is ignored.

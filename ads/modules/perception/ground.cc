@@ -4,19 +4,19 @@
 #include <cmath>
 #include <limits>
 
+#include "perception_tuning.h"
+
 namespace ads {
 namespace {
 
-constexpr std::size_t kSectors = 240;
-constexpr float kBin_m = 1.0F;
 constexpr float kNothing = std::numeric_limits<float>::infinity();
 
 }  // namespace
 
 Ground::Ground(const GroundConfig& config)
     : config_(config),
-      bins_per_sector_(static_cast<std::size_t>(config.range_max_m / kBin_m) + 1),
-      bins_(kSectors * bins_per_sector_),
+      bins_per_sector_(static_cast<std::size_t>(config.range_max_m / kGround.bin_m) + 1),
+      bins_(kGround.sectors * bins_per_sector_),
       ground_z_m_(bins_.size()) {}
 
 void Ground::fit(std::span<const RawReturn> returns, double mount_height_m) {
@@ -27,7 +27,7 @@ void Ground::fit(std::span<const RawReturn> returns, double mount_height_m) {
       bin = {.lowest_z_m = beam_return.z_m, .range_m = beam_return.range_m};
     }
   }
-  for (std::size_t sector = 0; sector < kSectors; ++sector) {
+  for (std::size_t sector = 0; sector < kGround.sectors; ++sector) {
     walk(sector, static_cast<float>(-mount_height_m));
   }
 }
@@ -42,12 +42,12 @@ std::size_t Ground::sector_of(const RawReturn& beam_return) const {
   const float sum = std::abs(beam_return.x_m) + std::abs(beam_return.y_m) + 1e-6F;
   const float quarter = beam_return.y_m / sum;
   const float turn = beam_return.x_m >= 0.0F ? quarter : 2.0F - quarter;  // In [-1, 3].
-  const auto sector = static_cast<std::size_t>((turn + 1.0F) * (0.25F * kSectors));
-  return std::min(sector, kSectors - 1);
+  const auto sector = static_cast<std::size_t>((turn + 1.0F) * (0.25F * kGround.sectors));
+  return std::min<std::size_t>(sector, kGround.sectors - 1);
 }
 
 std::size_t Ground::bin_of(float range_m) const {
-  return std::min(static_cast<std::size_t>(range_m / kBin_m), bins_per_sector_ - 1);
+  return std::min(static_cast<std::size_t>(range_m / kGround.bin_m), bins_per_sector_ - 1);
 }
 
 void Ground::walk(std::size_t sector, float begin_z_m) {
@@ -66,9 +66,9 @@ void Ground::walk(std::size_t sector, float begin_z_m) {
     if (!is_ground) {
       continue;
     }
-    slope = rise / std::max(apart, kBin_m);
+    slope = rise / std::max(apart, kGround.bin_m);
     for (; done <= bin; ++done) {
-      const float middle = (static_cast<float>(done) + 0.5F) * kBin_m;
+      const float middle = (static_cast<float>(done) + 0.5F) * kGround.bin_m;
       ground_z_m_[first + done] = last_z + slope * std::clamp(middle - last_range, 0.0F, apart);
     }
     last_range = lowest.range_m;

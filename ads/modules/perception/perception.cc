@@ -8,12 +8,10 @@
 #include <fmt/format.h>
 
 #include "object_class.h"
+#include "perception_tuning.h"
 
 namespace ads {
 namespace {
-
-// A little more than a second at 100 Hz: a sweep, and what it is late by.
-constexpr std::size_t kPoses = 128;
 
 RecognizerConfig read_config(fastcycle::Context& context) {
   RecognizerConfig config;
@@ -156,7 +154,8 @@ Perception::Perception(fastcycle::Context& context)
                            .description = "Minimum vehicle likeness for a class: number of sweeps "
                                           "for it minus those against"})),
       recognizer_(read_config(context)),
-      ego_(context.create_history<localization::Ego>("localization/ego", {.depth = kPoses})),
+      ego_(context.create_history<localization::Ego>("localization/ego",
+                                                     {.depth = kPerception.poses})),
       objects_(context.create_publisher<perception::Objects>("perception/objects")),
       state_(context.state<perception::TrackerState>("tracker",
                                                      [this](auto& state) { save(state); })) {

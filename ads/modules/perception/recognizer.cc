@@ -10,18 +10,12 @@
 #include <fmt/format.h>
 
 #include "common/plane.h"
+#include "perception_tuning.h"
 
 namespace ads {
 namespace {
 
 constexpr std::size_t kPointBytes = 16;
-// The vehicle's motion during a sweep is taken in so many steps.
-constexpr std::size_t kSlots = 64;
-// For a sweep without the angles of its beams.
-constexpr double kSpread_rad = 0.0035;
-constexpr std::uint32_t kColumnsMin = 360;
-constexpr std::uint32_t kTopRings = 2;
-constexpr double kBorderRange_m = 40.0;
 
 struct Point {
   float x_m;
@@ -128,7 +122,7 @@ void Recognizer::read(const SweepBytes& sweep, SweepResult& result) {
                     .z_m = point.z_m,
                     .time_s = static_cast<float>(point.time) * tick_s,
                     .range_m = std::sqrt(point.x_m * point.x_m + point.y_m * point.y_m),
-                    .is_of_top = point.ring + kTopRings >= sweep.rings});
+                    .is_of_top = point.ring + std::uint32_t{kRecognizer.top_rings} >= sweep.rings});
   }
 }
 
@@ -144,7 +138,7 @@ void Recognizer::find_borders(const SweepBytes& sweep, const EgoMotion& ego) {
     const double passed_s = static_cast<double>(middle_ns - track.time_ns()) * 1e-9;
     const Eigen::Vector2d apart = track.center_m() + passed_s * track.velocity_mps() - sensor_m;
     if (std::max(object.vehicle_likeness, object.two_wheeler_likeness) > 0.0 &&
-        apart.norm() < kBorderRange_m) {
+        apart.norm() < kRecognizer.border_range_m) {
       standing.push_back({.center_m = {apart.dot(ahead), apart.dot(left_of(ahead))},
                           .heading_rad = track.heading_rad() - pose->heading_rad,
                           .length_m = track.length_m(),
@@ -164,8 +158,9 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
   sweep_.origin_m = ego.at(sweep.taken_ns)->position_m;
   sweep_.mount_forward_m = sweep.mount_forward_m;
   sweep_.mount_height_m = sweep.mount_height_m;
-  sweep_.spread_rad =
-      sweep.columns >= kColumnsMin ? 2.0 * std::numbers::pi / sweep.columns : kSpread_rad;
+  sweep_.spread_rad = sweep.columns >= kRecognizer.columns_min
+                          ? 2.0 * std::numbers::pi / sweep.columns
+                          : kRecognizer.spread_rad;
   sweep_.returns.clear();
   sweep_.sight_lines.clear();
 
@@ -173,17 +168,17 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
     Eigen::Vector2f sensor_m;
     Eigen::Vector2f ahead;
   };
-  std::array<Place, kSlots + 1> places;
-  for (std::size_t slot = 0; slot <= kSlots; ++slot) {
-    const auto pose = ego.at(sweep.taken_ns +
-                             sweep.duration_ns * static_cast<int>(slot) / static_cast<int>(kSlots));
+  std::array<Place, kRecognizer.slots + 1> places;
+  for (std::size_t slot = 0; slot <= kRecognizer.slots; ++slot) {
+    const auto pose = ego.at(sweep.taken_ns + sweep.duration_ns * static_cast<int>(slot) /
+                                                  static_cast<int>(kRecognizer.slots));
     const Eigen::Vector2d ahead = direction(pose->heading_rad);
     places[slot] = {
         .sensor_m =
             (pose->position_m + sweep.mount_forward_m * ahead - sweep_.origin_m).cast<float>(),
         .ahead = ahead.cast<float>()};
   }
-  const auto slots_per_s = static_cast<float>(kSlots / duration_s);
+  const auto slots_per_s = static_cast<float>(kRecognizer.slots / duration_s);
   const auto range_max = static_cast<float>(config_.tracker.clustering.range_max_m);
   const auto lowest = static_cast<float>(config_.height_min_m);
   const auto highest = static_cast<float>(config_.height_max_m);
@@ -199,7 +194,7 @@ void Recognizer::find_obstacles(const SweepBytes& sweep, const EgoMotion& ego,
       continue;
     }
     const float slot =
-        std::min(beam_return.time_s * slots_per_s, static_cast<float>(kSlots) - 0.001F);
+        std::min(beam_return.time_s * slots_per_s, static_cast<float>(kRecognizer.slots) - 0.001F);
     const auto first = static_cast<std::size_t>(slot);
     const float share = slot - static_cast<float>(first);
     const Eigen::Vector2f sensor_m =

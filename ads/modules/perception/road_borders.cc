@@ -5,36 +5,19 @@
 #include <limits>
 
 #include "common/plane.h"
+#include "perception_tuning.h"
 
 namespace ads {
 namespace {
 
-constexpr float kBehind_m = -10.0F;
-constexpr float kSlice_m = 1.0F;
-constexpr std::size_t kSlices = 40;
-constexpr float kCell_m = 0.2F;
-constexpr int kCellsPerSide = 75;
-constexpr std::size_t kCells = 2 * kCellsPerSide;
-// Of the road: how far it rises across, and what steps are still its own.
-constexpr float kSlope = 0.06F;
-constexpr float kStep_m = 0.07F;
-constexpr float kHigh_m = 1.0F;    // Higher returns hang over the road.
-constexpr float kMiddle_m = 1.0F;  // So far to each side the vehicle itself drives.
-constexpr float kGap_m = 2.5F;     // Farther than that the road is not followed without a return.
-constexpr double kAround_m = 0.4;  // Boxes are known so well.
-// Neighbours along the road, to each side, and how many of them have to agree.
-constexpr std::size_t kNeighbours = 4;
-constexpr std::size_t kAgreeing = 4;
-constexpr double kAway_m = 0.5;
-constexpr double kResolution_m = 0.06;  // Of a cell, 1 sigma.
-constexpr std::size_t kPlacesMin = 5;
+constexpr std::size_t kCells = 2 * kRoadBorders.cells_per_side;
 constexpr float kNothing = std::numeric_limits<float>::infinity();
 
 bool is_in(const Standing& box, const Eigen::Vector2d& place_m) {
   const Eigen::Vector2d apart = place_m - box.center_m;
   const Eigen::Vector2d ahead = direction(box.heading_rad);
-  return std::abs(apart.dot(ahead)) < 0.5 * box.length_m + kAround_m &&
-         std::abs(apart.dot(left_of(ahead))) < 0.5 * box.width_m + kAround_m;
+  return std::abs(apart.dot(ahead)) < 0.5 * box.length_m + kRoadBorders.around_m &&
+         std::abs(apart.dot(left_of(ahead))) < 0.5 * box.width_m + kRoadBorders.around_m;
 }
 
 double median_of(std::vector<double>& values) {
@@ -45,14 +28,15 @@ double median_of(std::vector<double>& values) {
 
 }  // namespace
 
-BorderFinder::BorderFinder() : cells_(kSlices * kCells), level_m_(kSlices) {}
+BorderFinder::BorderFinder()
+    : cells_(kRoadBorders.slices * kCells), level_m_(kRoadBorders.slices) {}
 
 const RoadBorders& BorderFinder::find(std::span<const RawReturn> returns, double mount_height_m,
                                       std::span<const Standing> standing) {
   fill(returns, mount_height_m, standing);
   std::vector<BorderPlace> left;
   std::vector<BorderPlace> right;
-  for (std::size_t slice = 0; slice < kSlices; ++slice) {
+  for (std::size_t slice = 0; slice < kRoadBorders.slices; ++slice) {
     walk(slice, 1, left);
     walk(slice, -1, right);
   }
@@ -66,15 +50,16 @@ void BorderFinder::fill(std::span<const RawReturn> returns, double mount_height_
   std::fill(cells_.begin(), cells_.end(), Cell{.lowest_m = kNothing, .highest_m = -kNothing});
   std::fill(level_m_.begin(), level_m_.end(), kNothing);
   for (const RawReturn& beam_return : returns) {
-    const float along = (beam_return.x_m - kBehind_m) / kSlice_m;
-    const float across = beam_return.y_m / kCell_m + static_cast<float>(kCellsPerSide);
+    const float along = (beam_return.x_m - kRoadBorders.behind_m) / kRoadBorders.slice_m;
+    const float across =
+        beam_return.y_m / kRoadBorders.cell_m + static_cast<float>(kRoadBorders.cells_per_side);
     const float height = beam_return.z_m + static_cast<float>(mount_height_m);
-    if (!(along >= 0.0F && along < static_cast<float>(kSlices)) ||
-        !(across >= 0.0F && across < static_cast<float>(kCells)) || height > kHigh_m) {
+    if (!(along >= 0.0F && along < static_cast<float>(kRoadBorders.slices)) ||
+        !(across >= 0.0F && across < static_cast<float>(kCells)) || height > kRoadBorders.high_m) {
       continue;
     }
     const Eigen::Vector2d place_m(beam_return.x_m, beam_return.y_m);
-    if (height > kStep_m &&
+    if (height > kRoadBorders.step_m &&
         std::ranges::any_of(standing, [&](const Standing& box) { return is_in(box, place_m); })) {
       continue;
     }
@@ -82,14 +67,16 @@ void BorderFinder::fill(std::span<const RawReturn> returns, double mount_height_
     Cell& cell = cells_[slice * kCells + static_cast<std::size_t>(across)];
     cell.lowest_m = std::min(cell.lowest_m, height);
     cell.highest_m = std::max(cell.highest_m, height);
-    if (std::abs(beam_return.y_m) < kMiddle_m) {
+    if (std::abs(beam_return.y_m) < kRoadBorders.middle_m) {
       level_m_[slice] = std::min(level_m_[slice], height);
     }
   }
   // Under the vehicle nothing is seen: the road goes on from the slice before.
   float last = 0.0F;
-  for (std::size_t slice = 0; slice < kSlices; ++slice) {
-    const bool is_plausible = std::abs(level_m_[slice] - last) < kStep_m + 2.0F * kSlope * kSlice_m;
+  for (std::size_t slice = 0; slice < kRoadBorders.slices; ++slice) {
+    const bool is_plausible =
+        std::abs(level_m_[slice] - last) <
+        kRoadBorders.step_m + 2.0F * kRoadBorders.slope * kRoadBorders.slice_m;
     last = is_plausible ? level_m_[slice] : last;
     level_m_[slice] = last;
   }
@@ -97,24 +84,25 @@ void BorderFinder::fill(std::span<const RawReturn> returns, double mount_height_
 
 // Outwards from the middle, until the road ends.
 void BorderFinder::walk(std::size_t slice, int side, std::vector<BorderPlace>& found) const {
-  const float middle = kBehind_m + (static_cast<float>(slice) + 0.5F) * kSlice_m;
+  const float middle =
+      kRoadBorders.behind_m + (static_cast<float>(slice) + 0.5F) * kRoadBorders.slice_m;
   float level = level_m_[slice];
   float last = 0.0F;
-  for (int step = 0; step < kCellsPerSide; ++step) {
-    const int column = kCellsPerSide + (side > 0 ? step : -1 - step);
+  for (int step = 0; step < kRoadBorders.cells_per_side; ++step) {
+    const int column = kRoadBorders.cells_per_side + (side > 0 ? step : -1 - step);
     const Cell& cell = cells_[slice * kCells + static_cast<std::size_t>(column)];
-    const float away = (static_cast<float>(step) + 0.5F) * kCell_m;
+    const float away = (static_cast<float>(step) + 0.5F) * kRoadBorders.cell_m;
     if (cell.lowest_m == kNothing) {
       continue;
     }
     const float apart = away - last;
-    if (apart > kGap_m && last > 0.0F) {
+    if (apart > kRoadBorders.gap_m && last > 0.0F) {
       return;  // Occluded: the area between is unknown.
     }
     const float rise = std::abs(cell.lowest_m - level);
-    const bool is_road =
-        rise < kStep_m + kSlope * apart && cell.highest_m - cell.lowest_m < kStep_m;
-    if (!is_road && away > kMiddle_m) {
+    const bool is_road = rise < kRoadBorders.step_m + kRoadBorders.slope * apart &&
+                         cell.highest_m - cell.lowest_m < kRoadBorders.step_m;
+    if (!is_road && away > kRoadBorders.middle_m) {
       found.push_back({.place_m = {middle, static_cast<float>(side) * away}});
       return;
     }
@@ -132,7 +120,8 @@ std::vector<BorderPlace> BorderFinder::smooth(const std::vector<BorderPlace>& fo
     const double x_m = found[index].place_m.x();
     around.clear();
     for (const BorderPlace& other : found) {
-      if (std::abs(other.place_m.x() - x_m) < (kNeighbours + 0.5) * kSlice_m) {
+      if (std::abs(other.place_m.x() - x_m) <
+          (kRoadBorders.neighbours + 0.5) * kRoadBorders.slice_m) {
         around.push_back(other.place_m.y());
       }
     }
@@ -141,16 +130,16 @@ std::vector<BorderPlace> BorderFinder::smooth(const std::vector<BorderPlace>& fo
       value = std::abs(value - median);
     }
     const auto agreeing = static_cast<std::size_t>(
-        std::ranges::count_if(around, [](double off) { return off < kAway_m; }));
-    if (agreeing < kAgreeing || 2 * agreeing <= around.size() ||
-        std::abs(found[index].place_m.y() - median) > kAway_m) {
+        std::ranges::count_if(around, [](double off) { return off < kRoadBorders.away_m; }));
+    if (agreeing < kRoadBorders.agreeing || 2 * agreeing <= around.size() ||
+        std::abs(found[index].place_m.y() - median) > kRoadBorders.away_m) {
       continue;
     }
     const double scatter = 1.48 * median_of(around);
-    border.push_back(
-        {.place_m = found[index].place_m, .stddev_m = std::hypot(kResolution_m, scatter)});
+    border.push_back({.place_m = found[index].place_m,
+                      .stddev_m = std::hypot(kRoadBorders.resolution_m, scatter)});
   }
-  return border.size() < kPlacesMin ? std::vector<BorderPlace>() : border;
+  return border.size() < kRoadBorders.places_min ? std::vector<BorderPlace>() : border;
 }
 
 }  // namespace ads

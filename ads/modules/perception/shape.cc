@@ -6,19 +6,13 @@
 #include <numbers>
 
 #include "common/plane.h"
+#include "perception_tuning.h"
 
 namespace ads {
 namespace {
 
-constexpr float kHigh_m = 1.7F;
 constexpr float kTurn_rad = 2.0F * std::numbers::pi_v<float>;
-constexpr int kTopMin = 3;
-constexpr double kFlat_m = 0.7;
-constexpr float kWall_m = 2.0F;
-constexpr float kHighCell_m = 0.5F;
 constexpr int kHighSide = 401;
-constexpr int kWallSteps = 12;
-constexpr int kWallHighMin = 4;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // How far points reach in one direction.
@@ -48,17 +42,18 @@ bool is_of_wall(const HighPlaces& high_places, const Eigen::Vector2d& middle_m,
                 const Eigen::Vector2d& along, double length_m) {
   int high = 0;
   for (const double side : {1.0, -1.0}) {
-    for (int step = 1; step <= kWallSteps; ++step) {
-      const double ahead = side * (0.5 * length_m + static_cast<double>(kHighCell_m) * (step + 1));
+    for (int step = 1; step <= kShape.wall_steps; ++step) {
+      const double ahead =
+          side * (0.5 * length_m + static_cast<double>(kShape.high_cell_m) * (step + 1));
       const Eigen::Vector2d place_m = middle_m + ahead * along;
       high += high_places.at(place_m) ||
-                      high_places.at(place_m + 0.5 * kHighCell_m * left_of(along)) ||
-                      high_places.at(place_m - 0.5 * kHighCell_m * left_of(along))
+                      high_places.at(place_m + 0.5 * kShape.high_cell_m * left_of(along)) ||
+                      high_places.at(place_m - 0.5 * kShape.high_cell_m * left_of(along))
                   ? 1
                   : 0;
     }
   }
-  return high >= kWallHighMin;
+  return high >= kShape.wall_high_min;
 }
 
 }  // namespace
@@ -72,7 +67,7 @@ void HighPlaces::fill(std::span<const LidarReturn> returns, const Eigen::Vector2
   }
   filled_.clear();
   for (const LidarReturn& beam_return : returns) {
-    const int cell = beam_return.height_m > kWall_m ? cell_of(beam_return.place_m) : -1;
+    const int cell = beam_return.height_m > kShape.wall_m ? cell_of(beam_return.place_m) : -1;
     if (cell >= 0 && !is_high_[static_cast<std::size_t>(cell)]) {
       is_high_[static_cast<std::size_t>(cell)] = true;
       filled_.push_back(cell);
@@ -87,8 +82,8 @@ bool HighPlaces::at(const Eigen::Vector2d& place_m) const {
 
 // -1 if it is too far away.
 int HighPlaces::cell_of(const Eigen::Vector2f& apart_m) const {
-  const int column = kHighSide / 2 + static_cast<int>(std::floor(apart_m.x() / kHighCell_m));
-  const int row = kHighSide / 2 + static_cast<int>(std::floor(apart_m.y() / kHighCell_m));
+  const int column = kHighSide / 2 + static_cast<int>(std::floor(apart_m.x() / kShape.high_cell_m));
+  const int row = kHighSide / 2 + static_cast<int>(std::floor(apart_m.y() / kShape.high_cell_m));
   const bool is_inside = column >= 0 && column < kHighSide && row >= 0 && row < kHighSide;
   return is_inside ? row * kHighSide + column : -1;
 }
@@ -120,7 +115,7 @@ Shape shape_of(const ObjectView& view, const Skyline& skyline, const HighPlaces&
     gap = std::min(gap, point.height_m - skyline.hidden_height_m(point.azimuth_rad, point.range_m));
     right = is_left_of(*right, point) ? &point : right;
     left = is_left_of(point, *left) ? &point : left;
-    high += point.height_m > kHigh_m ? 1 : 0;
+    high += point.height_m > kShape.high_m ? 1 : 0;
     of_top += point.is_of_top ? 1 : 0;
   }
   const bool is_long = along.length() > across.length();
@@ -135,9 +130,9 @@ Shape shape_of(const ObjectView& view, const Skyline& skyline, const HighPlaces&
                     skyline.is_hidden_beside(left->azimuth_rad, left->range_m, 1),
           .top_m = top,
           .range_m = range,
-          .is_of_wall = std::min(along.length(), across.length()) < kFlat_m &&
+          .is_of_wall = std::min(along.length(), across.length()) < kShape.flat_m &&
                         is_of_wall(high_places, middle_m, is_long ? ahead : left_of(ahead), longer),
-          .is_top_open = of_top >= kTopMin && top > kHigh_m,
+          .is_top_open = of_top >= kShape.top_min && top > kShape.high_m,
           .high_share = high / static_cast<double>(view.points.size())};
 }
 

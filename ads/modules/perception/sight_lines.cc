@@ -7,31 +7,21 @@
 #include <numeric>
 
 #include "common/plane.h"
+#include "perception_tuning.h"
 
 namespace ads {
 namespace {
 
-constexpr int kBins = 1440;
-constexpr double kBin_rad = 2.0 * std::numbers::pi / kBins;
-// The edges of a car are round, and those of its box not exact.
-constexpr double kEdge_m = 0.25;
-// A car is dense between its sills and its windows. Below it one sees through.
-constexpr float kLow_m = 0.3F;
-constexpr float kHigh_m = 0.9F;
-constexpr float kGround_m = 0.15F;
-constexpr double kAround_m = 0.4;
-constexpr int kThroughMin = 3;
-constexpr double kShareMax = 0.5;
-constexpr double kWidest_m = 2.7;  // No car is wider.
+constexpr double kBin_rad = 2.0 * std::numbers::pi / kSightLines.bins;
 
 std::size_t bin_of(double azimuth_rad) {
   const auto bin = static_cast<int>(std::floor(azimuth_rad / kBin_rad));
-  return static_cast<std::size_t>(((bin % kBins) + kBins) % kBins);
+  return static_cast<std::size_t>(((bin % kSightLines.bins) + kSightLines.bins) % kSightLines.bins);
 }
 
 }  // namespace
 
-SightLines::SightLines() : begin_(kBins + 1) {}
+SightLines::SightLines() : begin_(kSightLines.bins + 1) {}
 
 void SightLines::fill(std::span<const SightLine> lines) {
   std::fill(begin_.begin(), begin_.end(), 0U);
@@ -51,22 +41,22 @@ void SightLines::fill(std::span<const SightLine> lines) {
 
 double SightLines::share_through(const ObjectView& view, const GroundBox& box) const {
   const int beyond = through(view, box);
-  if (beyond < kThroughMin) {
+  if (beyond < kSightLines.through_min) {
     return 0.0;
   }
   const Eigen::Vector2d ahead = direction(box.heading_rad);
   const auto within = std::ranges::count_if(view.points, [&](const ObjectPoint& point) {
     const Eigen::Vector2d apart = point.place_m - box.center_m;
-    return point.height_m > kLow_m && point.height_m < kHigh_m &&
-           std::abs(apart.dot(ahead)) < 0.5 * box.length_m + kAround_m &&
-           std::abs(apart.dot(left_of(ahead))) < 0.5 * box.width_m + kAround_m;
+    return point.height_m > kSightLines.low_m && point.height_m < kSightLines.high_m &&
+           std::abs(apart.dot(ahead)) < 0.5 * box.length_m + kSightLines.around_m &&
+           std::abs(apart.dot(left_of(ahead))) < 0.5 * box.width_m + kSightLines.around_m;
   });
   return beyond / static_cast<double>(beyond + within);
 }
 
 bool SightLines::is_seen_through(const ObjectView& view, const GroundBox& box,
                                  const Eigen::Vector2d& likely_size_m) const {
-  if (share_through(view, box) < kShareMax) {
+  if (share_through(view, box) < kSightLines.share_max) {
     return false;
   }
   for (const double turn : {0.0, 0.5 * std::numbers::pi}) {
@@ -80,7 +70,7 @@ bool SightLines::is_seen_through(const ObjectView& view, const GroundBox& box,
       high = high.max(place);
     }
     const Eigen::Array2d size = (high - low).max(likely_size_m.array());
-    if (size.y() > kWidest_m) {
+    if (size.y() > kSightLines.widest_m) {
       continue;
     }
     for (const double along : {0.0, 1.0, -1.0}) {
@@ -91,7 +81,7 @@ bool SightLines::is_seen_through(const ObjectView& view, const GroundBox& box,
                 view, {.center_m = box.center_m + middle.x() * ahead + middle.y() * left_of(ahead),
                        .heading_rad = box.heading_rad + turn,
                        .length_m = size.x(),
-                       .width_m = size.y()}) < kShareMax) {
+                       .width_m = size.y()}) < kSightLines.share_max) {
           return false;
         }
       }
@@ -105,15 +95,15 @@ int SightLines::through(const ObjectView& view, const GroundBox& box) const {
   const Eigen::Vector2d ahead = direction(box.heading_rad);
   const Eigen::Vector2d left = left_of(ahead);
   const Eigen::Vector2d away = box.center_m - view.sensor_m;
-  const Eigen::Array2d half(std::max(0.1, 0.5 * box.length_m - kEdge_m),
-                            std::max(0.1, 0.5 * box.width_m - kEdge_m));
+  const Eigen::Array2d half(std::max(0.1, 0.5 * box.length_m - kSightLines.edge_m),
+                            std::max(0.1, 0.5 * box.width_m - kSightLines.edge_m));
   const Eigen::Array2d sensor(-away.dot(ahead), -away.dot(left));
   if ((sensor.abs() < half).all()) {
     return 0;
   }
   const double middle = std::atan2(away.y(), away.x()) - view.sensor_heading_rad;
   const double reach = std::atan2(half.matrix().norm(), away.norm());
-  const int bins = std::min(kBins / 2, static_cast<int>(reach / kBin_rad) + 1);
+  const int bins = std::min(kSightLines.bins / 2, static_cast<int>(reach / kBin_rad) + 1);
   float ground = 0.0F;
   for (const ObjectPoint& point : view.points) {
     ground += point.ground_m / static_cast<float>(view.points.size());
@@ -135,8 +125,8 @@ int SightLines::through(const ObjectView& view, const GroundBox& box) const {
     for (std::size_t index = begin_[bin]; index < begin_[bin + 1]; ++index) {
       const Line& line = lines_[index];
       const float height = line.slope * enters - ground;
-      if (line.range_m > leaves && height > kLow_m && height < kHigh_m &&
-          line.slope * leaves - ground > kGround_m) {
+      if (line.range_m > leaves && height > kSightLines.low_m && height < kSightLines.high_m &&
+          line.slope * leaves - ground > kSightLines.ground_m) {
         ++count;
       }
     }

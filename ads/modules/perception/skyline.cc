@@ -6,20 +6,16 @@
 #include <numbers>
 #include <numeric>
 
+#include "perception_tuning.h"
+
 namespace ads {
 namespace {
 
-constexpr int kBins = 1440;
-constexpr double kBin_rad = 2.0 * std::numbers::pi / kBins;
-// Something nearer by less may be the same object.
-constexpr double kNearer_m = 0.4;
-constexpr int kBeside = 3;
-// And what is nearer by more is another one.
-constexpr double kBefore_m = 1.5;
+constexpr double kBin_rad = 2.0 * std::numbers::pi / kSkyline.bins;
 
 }  // namespace
 
-Skyline::Skyline() : nearest_m_(kBins), begin_(kBins + 1) {}
+Skyline::Skyline() : nearest_m_(kSkyline.bins), begin_(kSkyline.bins + 1) {}
 
 void Skyline::fill(std::span<const LidarReturn> returns, double sensor_height_m) {
   sensor_height_m_ = static_cast<float>(sensor_height_m);
@@ -43,8 +39,8 @@ void Skyline::fill(std::span<const LidarReturn> returns, double sensor_height_m)
 }
 
 bool Skyline::is_hidden_beside(float azimuth_rad, float range_m, int side) const {
-  for (int step = 1; step <= kBeside; ++step) {
-    if (nearest_m_[bin_of(azimuth_rad + side * step * kBin_rad)] < range_m - kNearer_m) {
+  for (int step = 1; step <= kSkyline.beside; ++step) {
+    if (nearest_m_[bin_of(azimuth_rad + side * step * kBin_rad)] < range_m - kSkyline.nearer_m) {
       return true;
     }
   }
@@ -55,7 +51,8 @@ double Skyline::hidden_share(double azimuth_rad, double half_width_rad, double r
   const int reach = static_cast<int>(half_width_rad / kBin_rad);
   int hidden = 0;
   for (int step = -reach; step <= reach; ++step) {
-    hidden += nearest_m_[bin_of(azimuth_rad + step * kBin_rad)] < range_m - kNearer_m ? 1 : 0;
+    hidden +=
+        nearest_m_[bin_of(azimuth_rad + step * kBin_rad)] < range_m - kSkyline.nearer_m ? 1 : 0;
   }
   return static_cast<double>(hidden) / (2 * reach + 1);
 }
@@ -64,7 +61,7 @@ float Skyline::hidden_height_m(float azimuth_rad, float range_m) const {
   const std::size_t bin = bin_of(azimuth_rad);
   float height = 0.0F;
   for (std::size_t index = begin_[bin]; index < begin_[bin + 1]; ++index) {
-    if (sights_[index].range_m < range_m - static_cast<float>(kBefore_m)) {
+    if (sights_[index].range_m < range_m - static_cast<float>(kSkyline.before_m)) {
       height = std::max(height, sensor_height_m_ + sights_[index].slope * range_m);
     }
   }
@@ -73,7 +70,7 @@ float Skyline::hidden_height_m(float azimuth_rad, float range_m) const {
 
 std::size_t Skyline::bin_of(double azimuth_rad) const {
   const auto bin = static_cast<int>(std::floor(azimuth_rad / kBin_rad));
-  return static_cast<std::size_t>(((bin % kBins) + kBins) % kBins);
+  return static_cast<std::size_t>(((bin % kSkyline.bins) + kSkyline.bins) % kSkyline.bins);
 }
 
 }  // namespace ads

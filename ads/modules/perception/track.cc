@@ -12,20 +12,12 @@
 #include <fmt/format.h>
 
 #include "common/plane.h"
+#include "perception_tuning.h"
 
 namespace ads {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kCenter_m = 3.0;
-constexpr double kHeading_rad = 0.1;
-constexpr double kTurn_rad = 0.35;  // Between two sweeps, and what was not seen of it.
-constexpr double kBoundStddev_m = 0.1;
-constexpr double kGate = 9.0;
-constexpr double kHolds_m = 0.3;
-constexpr int kAstrayMax = 4;
-constexpr int kMisfitsMax = 3;
-constexpr double kDependence = 0.25;  // Squared correlation.
 
 double squared(double value) {
   return value * value;
@@ -51,10 +43,10 @@ Track::Track(const TrackConfig& config, std::int64_t time_ns, const Eigen::Vecto
              double heading_rad)
     : config_(config), time_ns_(time_ns), heading_(heading_rad, 0.0) {
   state_.head<2>() = center_m;
-  covariance_.diagonal() << squared(kCenter_m), squared(kCenter_m),
+  covariance_.diagonal() << squared(kTrack.center_m), squared(kTrack.center_m),
       squared(config.speed_stddev_mps), squared(config.speed_stddev_mps),
       squared(config.forward_stddev_mps2), squared(config.forward_stddev_mps2), 0.0, 0.0;
-  heading_covariance_ = Eigen::Vector2d(squared(kHeading_rad), squared(0.1)).asDiagonal();
+  heading_covariance_ = Eigen::Vector2d(squared(kTrack.heading_rad), squared(0.1)).asDiagonal();
   begin_size();
 }
 
@@ -192,14 +184,14 @@ void Track::turn_about(const Eigen::Vector2d& point_m, double turn_rad) {
 // The heading of the rectangle that fits. If that is far off several times, it is believed.
 double Track::near_heading_of(const ObjectView& view) {
   const double best = heading_by_closeness(view, heading_[0], 0.25 * kPi);
-  const bool is_near = std::abs(best - heading_[0]) < kTurn_rad;
+  const bool is_near = std::abs(best - heading_[0]) < kTrack.turn_rad;
   misfits_ = is_near ? 0 : misfits_ + 1;
-  if (misfits_ > kMisfitsMax) {
+  if (misfits_ > kTrack.misfits_max) {
     misfits_ = 0;
     turn_to(best);
     return best;
   }
-  return is_near ? best : heading_by_closeness(view, heading_[0], kTurn_rad);
+  return is_near ? best : heading_by_closeness(view, heading_[0], kTrack.turn_rad);
 }
 
 // Edges from the centre.
@@ -208,11 +200,11 @@ void Track::doubt_size(const Edge& high, const Edge& low, int axis) {
   const double high_outside = high.place_m - 0.5 * state_[size];
   const double low_outside = -low.place_m - 0.5 * state_[size];
   const auto holds = [](const Edge& edge, double outside) {
-    return edge.is_end && std::abs(outside) < kHolds_m;
+    return edge.is_end && std::abs(outside) < kTrack.holds_m;
   };
   double doubt = high.is_end && low.is_end ? config_.size_doubt_m : 0.0;
-  if ((holds(high, high_outside) && low_outside > kHolds_m) ||
-      (holds(low, low_outside) && high_outside > kHolds_m)) {
+  if ((holds(high, high_outside) && low_outside > kTrack.holds_m) ||
+      (holds(low, low_outside) && high_outside > kTrack.holds_m)) {
     doubt = config_.growth_doubt_m;
   }
   covariance_(size, size) = std::max(covariance_(size, size), squared(doubt));
@@ -227,19 +219,20 @@ void Track::update_edge(const Edge& edge, int axis, double sign) {
   jacobian[6 + axis] = 0.5 * sign;
   const double innovation = edge.place_m - jacobian.dot(state_);
   const bool is_outside = sign * innovation > 0.0;
-  double noise = squared(edge.is_end ? edge.stddev_m : kBoundStddev_m);
+  double noise = squared(edge.is_end ? edge.stddev_m : kTrack.bound_stddev_m);
   if (!edge.is_end && !is_outside) {
     return;
   }
   const State spread = covariance_ * jacobian;
   const double expected = jacobian.dot(spread);
   // Distant measurements are used, but with no more weight than at the gate.
-  noise = std::max(noise, squared(innovation) / kGate - expected);
+  noise = std::max(noise, squared(innovation) / kTrack.gate - expected);
   State gain = spread / (expected + noise);
   // A size is learned from an edge whose place depends on it, and not from one that is well known:
   // else it would follow each move that was not foreseen.
   const int size = 6 + axis;
-  const bool depends = squared(spread[size]) > kDependence * covariance_(size, size) * expected;
+  const bool depends =
+      squared(spread[size]) > kTrack.dependence * covariance_(size, size) * expected;
   gain[size] = depends ? gain[size] : 0.0;
   gain[7 - axis] = 0.0;
   state_ += gain * innovation;
@@ -277,7 +270,7 @@ bool Track::follow_course() {
   const double axis_off = std::remainder(off, kPi);
   if (std::abs(axis_off) > 0.25 * kPi) {
     ++astray_;
-    if (!has_course_ || (astray_ > kAstrayMax && speed > 2.0 * config_.course_speed_mps)) {
+    if (!has_course_ || (astray_ > kTrack.astray_max && speed > 2.0 * config_.course_speed_mps)) {
       turn_to(course);
       has_course_ = true;
     }
@@ -298,7 +291,7 @@ bool Track::follow_course() {
 // The box was taken for one across: its size was that of other sides.
 void Track::turn_to(double heading_rad) {
   heading_ = {heading_rad, 0.0};
-  heading_covariance_ = Eigen::Vector2d(squared(kHeading_rad), squared(0.1)).asDiagonal();
+  heading_covariance_ = Eigen::Vector2d(squared(kTrack.heading_rad), squared(0.1)).asDiagonal();
   begin_size();
   const Eigen::Matrix2d center =
       covariance_.block<2, 2>(0, 0) + squared(1.5) * Eigen::Matrix2d::Identity();

@@ -9,33 +9,13 @@
 #include <utility>
 
 #include "common/plane.h"
+#include "perception_tuning.h"
 #include "shape.h"
 
 namespace ads {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kGate = 13.8;      // 99.9 % of two dimensions.
-constexpr double kNearby_m = 12.0;  // Farther groups are not considered for a track.
-constexpr double kKnownSpeed_mps =
-    4.0;                           // 1 sigma: from then on returns are moved with their track.
-constexpr double kMargin_m = 0.4;  // Around the box in which returns are a track's.
-constexpr double kMarginMax_m = 1.0;
-constexpr double kOwnedShare = 0.3;  // Of a group, for its rest to be the track's as well.
-constexpr std::size_t kReturnsSeen = 3;
-constexpr float kTop_m = 0.4F;        // Lower things do not begin a track.
-constexpr float kUpright_m = 0.25F;   // A flatter one is not a wall.
-constexpr double kSideFrom_m = 2.7;   // No car is wider.
-constexpr double kFrontFrom_m = 1.2;  // Nor narrower.
-constexpr std::size_t kReturnsTwoWheeler = 12;
-constexpr double kTwoWheelerLength_m = 1.8;
-constexpr double kTwoWheelerWidth_m = 0.7;
-constexpr double kStructureReach_m = 4.0;
-constexpr float kBehind_m = 10.0F;  // So far its claims stand behind those of others.
-constexpr double kPartWeight = 0.3;
-constexpr double kLow_m = 2.2;
-constexpr double kHighest_m = 2.5;  // Of cars and vans.
-constexpr double kMemory = 0.8;     // Of what an object looked like.
 
 // From the visible faces: a completely visible face no longer than a car's width is its front or
 // rear, a longer one its side. A smaller visible part is assumed to lie as `likely_rad` does. Of
@@ -46,9 +26,9 @@ double first_heading(const ObjectView& view, const Skyline& skyline,
   const BoxView box = view_box(view, skyline, reference_m, heading);
   const double along = box.front.place_m - box.rear.place_m;
   const double across = box.left.place_m - box.right.place_m;
-  const bool is_across = along > across && along < kSideFrom_m && along > kFrontFrom_m &&
-                         box.front.is_end && box.rear.is_end;
-  if (across > kSideFrom_m || is_across) {
+  const bool is_across = along > across && along < kTracker.side_from_m &&
+                         along > kTracker.front_from_m && box.front.is_end && box.rear.is_end;
+  if (across > kTracker.side_from_m || is_across) {
     heading += 0.5 * kPi;
   }
   return std::cos(heading - likely_rad) < 0.0 ? heading + kPi : heading;
@@ -98,7 +78,7 @@ void Tracker::update(const SweepReturns& sweep, const EgoMotion& ego) {
   label(sweep);
   gather(sweep, ego);
   for (const Group& group : groups_) {
-    if (group.owner != kNobody && group.points.size() >= kReturnsSeen) {
+    if (group.owner != kNobody && group.points.size() >= kTracker.returns_seen) {
       sight(objects_[static_cast<std::size_t>(group.owner)], group);
       is_seen_[static_cast<std::size_t>(group.owner)] = true;
     }
@@ -137,17 +117,17 @@ void Tracker::label(const SweepReturns& sweep) {
   outside_m_.assign(count, std::numeric_limits<float>::infinity());
   for (std::size_t index = 0; index < objects_.size(); ++index) {
     const Track& track = objects_[index].track;
-    if (track.speed_stddev_mps() > kKnownSpeed_mps) {
+    if (track.speed_stddev_mps() > kTracker.known_speed_mps) {
       continue;
     }
     const double before_s = static_cast<double>(sweep.begin_ns - track.time_ns()) * 1e-9;
     const double middle_s = before_s + 0.5e-9 * static_cast<double>(sweep.duration_ns);
     // An object that is not a vehicle stands: it leaves returns not well within it to others.
     const bool stands = is_structure(objects_[index]);
-    const double margin = stands
-                              ? 0.0
-                              : std::min(kMarginMax_m, kMargin_m + std::max(0.0, middle_s - 0.1) *
-                                                                       track.speed_stddev_mps());
+    const double margin =
+        stands ? 0.0
+               : std::min(kTracker.margin_max_m, kTracker.margin_m + std::max(0.0, middle_s - 0.1) *
+                                                                         track.speed_stddev_mps());
     const Eigen::Vector2f begin_m =
         (track.center_m() + before_s * track.velocity_mps() - sweep.origin_m).cast<float>();
     const Eigen::Vector2f velocity = track.velocity_mps().cast<float>();
@@ -157,8 +137,9 @@ void Tracker::label(const SweepReturns& sweep) {
     const auto half_width = static_cast<float>(0.5 * track.width_m());
     // It may be longer than was seen so far.
     const auto rest =
-        stands ? 0.0F : static_cast<float>(kMargin_m + std::min(1.0, track.length_stddev_m()));
-    const float behind = stands ? kBehind_m : 0.0F;
+        stands ? 0.0F
+               : static_cast<float>(kTracker.margin_m + std::min(1.0, track.length_stddev_m()));
+    const float behind = stands ? kTracker.behind_m : 0.0F;
     const float reach = half_length + half_width + rest + static_cast<float>(margin);
     for (std::size_t beam_return = 0; beam_return < count; ++beam_return) {
       const Eigen::Vector2f apart = sweep.returns[beam_return].place_m - begin_m -
@@ -178,7 +159,7 @@ void Tracker::label(const SweepReturns& sweep) {
     }
   }
   for (float& outside : outside_m_) {
-    outside -= outside > 0.5F * kBehind_m ? kBehind_m : 0.0F;
+    outside -= outside > 0.5F * kTracker.behind_m ? kTracker.behind_m : 0.0F;
   }
 }
 
@@ -217,7 +198,7 @@ void Tracker::gather(const SweepReturns& sweep, const EgoMotion& ego) {
     ++its.returns;
     if (labels_[beam_return] != kNobody) {
       ++its.owned;
-      if (outside_m_[beam_return] < kMargin_m &&
+      if (outside_m_[beam_return] < kTracker.margin_m &&
           std::ranges::find(its.who, labels_[beam_return]) == its.who.end()) {
         its.who.push_back(labels_[beam_return]);
       }
@@ -227,7 +208,7 @@ void Tracker::gather(const SweepReturns& sweep, const EgoMotion& ego) {
   // are a group that lies there altogether.
   for (std::size_t beam_return = 0; beam_return < clusters.size(); ++beam_return) {
     if (clusters[beam_return] >= 0 && labels_[beam_return] != kNobody &&
-        outside_m_[beam_return] >= kMargin_m) {
+        outside_m_[beam_return] >= kTracker.margin_m) {
       const Owners& its = owners[static_cast<std::size_t>(clusters[beam_return])];
       if (its.owned < its.returns &&
           std::ranges::find(its.who, labels_[beam_return]) == its.who.end()) {
@@ -247,7 +228,7 @@ void Tracker::gather(const SweepReturns& sweep, const EgoMotion& ego) {
     }
     Owners& its = owners[static_cast<std::size_t>(clusters[beam_return])];
     int owner = labels_[beam_return];
-    if (owner == kNobody && its.owned > kOwnedShare * its.returns) {
+    if (owner == kNobody && its.owned > kTracker.owned_share * its.returns) {
       const auto time_ns =
           sweep.begin_ns + static_cast<std::int64_t>(1e9F * sweep.returns[beam_return].time_s);
       const Eigen::Vector2d place_m =
@@ -258,7 +239,7 @@ void Tracker::gather(const SweepReturns& sweep, const EgoMotion& ego) {
         const Eigen::Vector2d place = box_place(object, time_ns, place_m);
         const double outside = std::max(std::abs(place.x()) - 0.5 * object.track.length_m(),
                                         std::abs(place.y()) - 0.5 * object.track.width_m());
-        const double reach = is_structure(object) ? kStructureReach_m : config_.reach_m;
+        const double reach = is_structure(object) ? kTracker.structure_reach_m : config_.reach_m;
         if (outside < reach && outside < nearest) {
           nearest = outside;
           owner = candidate;
@@ -318,18 +299,19 @@ void Tracker::associate() {
   std::vector<std::tuple<double, std::size_t, std::size_t>> pairs;
   for (std::size_t group = 0; group < groups_.size(); ++group) {
     const Group& its = groups_[group];
-    if (its.owner != kNobody || its.points.size() < kReturnsSeen) {
+    if (its.owner != kNobody || its.points.size() < kTracker.returns_seen) {
       continue;
     }
     for (std::size_t index = 0; index < objects_.size(); ++index) {
       const Track& track = objects_[index].track;
-      if (is_seen_[index] || (its.points[0].place_m - track.center_m()).norm() > kNearby_m) {
+      if (is_seen_[index] ||
+          (its.points[0].place_m - track.center_m()).norm() > kTracker.nearby_m) {
         continue;
       }
       Track expected = track;
       expected.predict(its.time_ns);
       const double distance2 = expected.distance2(its.view, skyline_);
-      if (distance2 < kGate && can_reach(objects_[index], its)) {
+      if (distance2 < kTracker.gate && can_reach(objects_[index], its)) {
         pairs.emplace_back(distance2, index, group);
       }
     }
@@ -362,7 +344,8 @@ bool Tracker::can_reach(const TrackedObject& object, const Group& group) const {
 void Tracker::sight(TrackedObject& object, const Group& group) {
   object.track.predict(group.time_ns);
   object.track.update(group.view, skyline_);
-  if (object.track.length_m() > config_.low_length_max_m && object.track.height_m() < kLow_m) {
+  if (object.track.length_m() > config_.low_length_max_m &&
+      object.track.height_m() < kTracker.low_m) {
     object.track.cut(group.view.sensor_m);
   }
   object.seen_ns = group.time_ns;
@@ -373,24 +356,24 @@ void Tracker::sight(TrackedObject& object, const Group& group) {
 }
 
 void Tracker::look_at(TrackedObject& object, const Group& group) {
-  object.vehicle_likeness *= kMemory;
-  object.two_wheeler_likeness *= kMemory;
+  object.vehicle_likeness *= kTracker.memory;
+  object.two_wheeler_likeness *= kTracker.memory;
   Likeness likeness =
       likeness_of(shape_of(group.view, skyline_, high_places_, object.track.heading_rad()));
-  if (likeness == Likeness::kVehicle && object.track.height_m() > kHighest_m) {
+  if (likeness == Likeness::kVehicle && object.track.height_m() > kTracker.highest_m) {
     likeness = Likeness::kUnclear;  // It was seen to be higher.
   }
   const Track& track = object.track;
   const double before = object.vehicle_likeness;
-  object.hollowness *= kMemory;
+  object.hollowness *= kTracker.memory;
   switch (likeness) {
     case Likeness::kVehicle:
       object.vehicle_likeness += 1.0;
       object.two_wheeler_likeness -= 1.0;
       break;
     case Likeness::kVehiclePart:
-      object.vehicle_likeness += kPartWeight;
-      object.two_wheeler_likeness -= kPartWeight;
+      object.vehicle_likeness += kTracker.part_weight;
+      object.two_wheeler_likeness -= kTracker.part_weight;
       break;
     case Likeness::kTwoWheeler:
       // So does a car of which a part is hidden.
@@ -443,11 +426,11 @@ void Tracker::begin_tracks() {
     }
     const bool is_known = std::ranges::any_of(objects_, [&](const TrackedObject& object) {
       const Eigen::Vector2d place = box_place(object, group.time_ns, center_m);
-      return std::abs(place.x()) < 0.5 * object.track.length_m() + kMargin_m &&
-             std::abs(place.y()) < 0.5 * object.track.width_m() + kMargin_m;
+      return std::abs(place.x()) < 0.5 * object.track.length_m() + kTracker.margin_m &&
+             std::abs(place.y()) < 0.5 * object.track.width_m() + kTracker.margin_m;
     });
     // A flat group is a roof, possibly of an object whose other parts are tracked.
-    if (is_known || top_m < kTop_m || top_m - bottom_m < kUpright_m) {
+    if (is_known || top_m < kTracker.top_m || top_m - bottom_m < kTracker.upright_m) {
       continue;
     }
     const double heading =
@@ -459,9 +442,9 @@ void Tracker::begin_tracks() {
     }
     TrackConfig track = config_.track;
     if (is_two_wheeler(group, heading)) {
-      track.length_m = kTwoWheelerLength_m;
+      track.length_m = kTracker.two_wheeler_length_m;
       track.length_stddev_m = 0.3;
-      track.width_m = kTwoWheelerWidth_m;
+      track.width_m = kTracker.two_wheeler_width_m;
       track.width_stddev_m = 0.15;
     }
     TrackedObject object{.id = next_id_++, .track = Track(track, group.time_ns, center_m, heading)};
@@ -472,7 +455,7 @@ void Tracker::begin_tracks() {
 
 // It looks like one, and nothing hides more of it.
 bool Tracker::is_two_wheeler(const Group& group, double heading_rad) const {
-  if (group.points.size() < kReturnsTwoWheeler ||
+  if (group.points.size() < kTracker.returns_two_wheeler ||
       likeness_of(shape_of(group.view, skyline_, high_places_, heading_rad)) !=
           Likeness::kTwoWheeler) {
     return false;

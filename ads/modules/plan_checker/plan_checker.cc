@@ -9,6 +9,8 @@
 
 #include <fmt/format.h>
 
+#include "plan_checker_tuning.h"
+
 namespace plan_checker {
 namespace {
 
@@ -156,13 +158,12 @@ void PlanChecker::update_road() {
 // The newest estimate, moved on to now along an arc. None while there is no position, or not a
 // finite one.
 std::optional<Motion> PlanChecker::ego_now() const {
-  constexpr double kOldest_s = 0.5;
   const auto ego = egos_.get();
   if (!ego || ego->quality() == localization::INITIALIZING) {
     return std::nullopt;
   }
   const double age_s = seconds(now().time_since_epoch().count() - ego->header().taken_ns());
-  const double ahead_s = std::clamp(age_s, 0.0, kOldest_s);
+  const double ahead_s = std::clamp(age_s, 0.0, kPlanChecker.oldest_s);
   const double way_m = ahead_s * (ego->speed_mps() + 0.5 * ahead_s * ego->acceleration_mps2());
   const double turn = ahead_s * ego->yaw_rate_radps();
   const Motion motion{.x_m = ego->x_m() + way_m * std::cos(ego->heading_rad() + 0.5 * turn),

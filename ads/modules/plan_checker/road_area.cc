@@ -6,14 +6,10 @@
 
 #include "common/map_lines.h"
 #include "common/plane.h"
+#include "plan_checker_tuning.h"
 
 namespace plan_checker {
 namespace {
-
-// How far a lane goes on where the map ends.
-constexpr double kBeyondMap_m = 100.0;
-// The cosine of the largest angle between a vehicle and the lane whose limit it has to keep.
-constexpr double kAligned = 0.7;
 
 bool is_line(const std::vector<Eigen::Vector2d>& points) {
   return points.size() > 1 && std::ranges::all_of(points, [](const Eigen::Vector2d& point) {
@@ -29,10 +25,10 @@ Eigen::Vector2d moved_on(const Eigen::Vector2d& before, const Eigen::Vector2d& e
 
 void go_on_straight(std::vector<Eigen::Vector2d>& line, bool at_begin, bool at_end) {
   if (at_end) {
-    line.push_back(moved_on(line[line.size() - 2], line.back(), kBeyondMap_m));
+    line.push_back(moved_on(line[line.size() - 2], line.back(), kRoadArea.beyond_map_m));
   }
   if (at_begin) {
-    line.insert(line.begin(), moved_on(line[1], line[0], kBeyondMap_m));
+    line.insert(line.begin(), moved_on(line[1], line[0], kRoadArea.beyond_map_m));
   }
 }
 
@@ -129,7 +125,7 @@ std::optional<RoadArea::SpeedLimit> RoadArea::speed_limit(const Eigen::Vector2d&
   std::optional<SpeedLimit> highest;
   for (const Lane& lane : lanes_) {
     if (!lane.is_near(place_m, 0.0) || !ads::contains(lane.edge_m, place_m) ||
-        std::cos(lane.heading_at(place_m) - heading_rad) < kAligned) {
+        std::cos(lane.heading_at(place_m) - heading_rad) < kRoadArea.aligned) {
       continue;
     }
     if (!(lane.speed_limit_mps > 0.0)) {

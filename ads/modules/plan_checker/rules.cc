@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 
 #include "common/plane.h"
+#include "plan_checker_tuning.h"
 
 namespace plan_checker {
 namespace {
@@ -20,17 +21,6 @@ using planning::Trajectory;
 using planning::TrajectoryPoint;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-// Slower counts as standing: there acceleration ends at once, and headings and curvatures are not
-// driven.
-constexpr double kStanding_mps = 0.3;
-// Control does not steer farther than the wheels can: a little more only costs exactness.
-constexpr double kSteeringAllowance = 1.1;
-constexpr double kTimeError_s = 1e-3;
-constexpr double kStepMax_s = 0.5;
-// Less probable ways of an object are left to planning.
-constexpr double kLikely = 0.5;
-// The interval at which the distant part, whose violations are only noted, is tested.
-constexpr double kFarStep_s = 0.5;
 
 double seconds(std::int64_t ns) {
   return 1e-9 * static_cast<double>(ns);
@@ -114,7 +104,7 @@ std::optional<Motion> object_at(const prediction::Hypothesis& way, double time_s
 // Objects that approach from behind must keep their distance, as must those that drive into a
 // standing vehicle.
 bool is_others_to_avoid(const Motion& body, double length_m, const Motion& object) {
-  if (body.speed_mps < kStanding_mps) {
+  if (body.speed_mps < kRules.standing_mps) {
     return true;
   }
   const Eigen::Vector2d forward = ads::direction(body.heading_rad);
@@ -241,15 +231,15 @@ class TrajectoryCheck {
       return false;
     }
     const double step_s = point(1).time_s() - point(0).time_s();
-    if (!(step_s > kTimeError_s && step_s <= kStepMax_s)) {
-      breaches_.add(planning::TIMES, true, 0.0, step_s, kStepMax_s,
+    if (!(step_s > kRules.time_error_s && step_s <= kRules.step_max_s)) {
+      breaches_.add(planning::TIMES, true, 0.0, step_s, kRules.step_max_s,
                     fmt::format("points are {:.3f} s apart, and have to be up to {:.1f} s", step_s,
-                                kStepMax_s));
+                                kRules.step_max_s));
       return false;
     }
     for (int index = 0; index < size(); ++index) {
       const double expected_s = step_s * index;
-      if (!(std::abs(point(index).time_s() - expected_s) <= kTimeError_s)) {
+      if (!(std::abs(point(index).time_s() - expected_s) <= kRules.time_error_s)) {
         breaches_.add(planning::TIMES, true, expected_s, point(index).time_s(), expected_s,
                       fmt::format("point {} is at {:.3f} s, expected {:.3f} s", index,
                                   point(index).time_s(), expected_s));
@@ -257,7 +247,7 @@ class TrajectoryCheck {
       }
     }
     const TrajectoryPoint& last = point(size() - 1);
-    if (last.time_s() < limits_.horizon_min_s && last.speed_mps() > kStanding_mps) {
+    if (last.time_s() < limits_.horizon_min_s && last.speed_mps() > kRules.standing_mps) {
       breaches_.add(planning::HORIZON, true, last.time_s(), last.time_s(), limits_.horizon_min_s,
                     fmt::format("it ends after {:.1f} s at {:.1f} m/s, at least {:.1f} s, or a "
                                 "stand, are needed",
@@ -267,11 +257,10 @@ class TrajectoryCheck {
   }
 
   void check_age() {
-    constexpr double kAhead_s = 0.1;
     const double age_s = seconds(around_.now_ns - trajectory_.start_ns());
     breaches_.above(planning::AGE, age_s, limits_.age_max_s, limits_.age_max_s, 0.0,
                     "it began {0:.2f} s ago, at most {2:.2f} s are allowed");
-    breaches_.above(planning::AGE, -age_s, kAhead_s, kAhead_s, 0.0,
+    breaches_.above(planning::AGE, -age_s, kRules.ahead_s, kRules.ahead_s, 0.0,
                     "it begins {0:.2f} s from now, at most {2:.2f} s are allowed");
   }
 
@@ -326,7 +315,7 @@ class TrajectoryCheck {
                       to.time_s(),
                       "heading and curvature are {0:.3f} rad apart at {1:.1f} s, at most {2:.3f} "
                       "rad are allowed");
-      if (std::min(from.speed_mps(), to.speed_mps()) > kStanding_mps) {
+      if (std::min(from.speed_mps(), to.speed_mps()) > kRules.standing_mps) {
         const double gained = (to.speed_mps() - from.speed_mps()) / step_s;
         const double stated = 0.5 * (from.acceleration_mps2() + to.acceleration_mps2());
         breaches_.above(planning::MOTION, std::abs(gained - stated),
@@ -345,7 +334,7 @@ class TrajectoryCheck {
       const TrajectoryPoint& at = point(index);
       const double time_s = at.time_s();
       breaches_.above(planning::CURVATURE, std::abs(at.curvature_per_m()), curvature_max,
-                      hard(at, kSteeringAllowance * curvature_max), time_s,
+                      hard(at, kRules.steering_allowance * curvature_max), time_s,
                       "the curvature is {0:.2f}/m at {1:.1f} s, at most {2:.2f}/m is possible");
       breaches_.above(planning::ACCELERATION, -at.acceleration_mps2(), limits_.comfort_braking_mps2,
                       hard(at, limits_.braking_max_mps2, -begin.acceleration_mps2()), time_s,
@@ -366,7 +355,7 @@ class TrajectoryCheck {
 
   void check_change(const TrajectoryPoint& from, const TrajectoryPoint& to) {
     const double step_s = to.time_s() - from.time_s();
-    if (std::min(from.speed_mps(), to.speed_mps()) <= kStanding_mps) {
+    if (std::min(from.speed_mps(), to.speed_mps()) <= kRules.standing_mps) {
       return;
     }
     const double jerk = std::abs(to.acceleration_mps2() - from.acceleration_mps2()) / step_s;
@@ -375,22 +364,19 @@ class TrajectoryCheck {
                     "the jerk is {0:.0f} m/s^3 at {1:.1f} s, limit {2:.0f} m/s^3");
     const double steering = std::atan(limits_.wheelbase_m * to.curvature_per_m()) -
                             std::atan(limits_.wheelbase_m * from.curvature_per_m());
-    // Control follows a little behind what the wheels cannot do at once; a jump it cannot follow.
-    constexpr double kJump = 2.5;
     breaches_.above(planning::STEERING_RATE, std::abs(steering) / step_s,
                     1.05 * limits_.steering_rate_max_radps,
-                    hard(to, kJump * limits_.steering_rate_max_radps), to.time_s(),
+                    hard(to, kRules.jump * limits_.steering_rate_max_radps), to.time_s(),
                     "the wheels turn with {0:.2f} rad/s at {1:.1f} s, limit {2:.2f} rad/s");
   }
 
   void check_speeds() {
-    constexpr double kBackwards_mps = 0.1;
     const double begin_mps = point(0).speed_mps();
     for (int index = 0; index < size(); ++index) {
       const TrajectoryPoint& at = point(index);
       const double time_s = at.time_s();
       const double speed = at.speed_mps();
-      breaches_.above(planning::SPEED, -speed, kBackwards_mps, kBackwards_mps, time_s,
+      breaches_.above(planning::SPEED, -speed, kRules.backwards_mps, kRules.backwards_mps, time_s,
                       "it drives backwards with {0:.1f} m/s at {1:.1f} s, limit {2:.1f} m/s");
       breaches_.above(planning::SPEED, speed, limits_.speed_max_mps, limits_.speed_max_mps, time_s,
                       "it drives {0:.1f} m/s at {1:.1f} s, the vehicle at most {2:.1f} m/s");
@@ -417,7 +403,7 @@ class TrajectoryCheck {
   // Whether the point is near enough to be tested, or one of the tested ones farther away.
   [[nodiscard]] bool is_looked_at(int index) const {
     const double step_s = point(1).time_s() - point(0).time_s();
-    const int every = std::max(1, static_cast<int>(kFarStep_s / step_s));
+    const int every = std::max(1, static_cast<int>(kRules.far_step_s / step_s));
     return point(index).time_s() <= limits_.certain_s || index % every == 0;
   }
 
@@ -524,7 +510,7 @@ Rules::Touch Rules::first_touch(const Trajectory& trajectory, const Surroundings
         continue;
       }
       for (const prediction::Hypothesis& way : predicted.hypotheses()) {
-        if (!(way.probability() >= kLikely)) {
+        if (!(way.probability() >= kRules.likely)) {
           continue;
         }
         const std::optional<Motion> other = object_at(way, predicted_s);

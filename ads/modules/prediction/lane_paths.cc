@@ -6,13 +6,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "prediction_tuning.h"
+
 namespace ads {
-namespace {
-
-constexpr std::size_t kPathsMax = 4;
-constexpr std::size_t kLanesMax = 50;
-
-}  // namespace
+namespace {}  // namespace
 
 std::optional<double> LanePath::begin_of(std::int64_t lane) const {
   const auto found = std::ranges::find(parts, lane, &Part::lane);
@@ -65,12 +62,12 @@ void LanePaths::extend(std::vector<std::int64_t>& chain, double length_m,
   }
   std::ranges::sort(next);
   length_m -= last.center.length_m();
-  if (next.empty() || length_m <= 0.0 || chain.size() == kLanesMax) {
+  if (next.empty() || length_m <= 0.0 || chain.size() == kLanePaths.lanes_max) {
     chains.push_back(chain);
     return;
   }
   for (const auto& [turn_rad, id] : next) {
-    if (chains.size() < kPathsMax) {
+    if (chains.size() < kLanePaths.paths_max) {
       chain.push_back(id);
       extend(chain, length_m, chains);
       chain.pop_back();

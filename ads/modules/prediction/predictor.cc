@@ -5,42 +5,10 @@
 #include <limits>
 #include <utility>
 
+#include "prediction_tuning.h"
+
 namespace ads {
 namespace {
-
-constexpr double kStanding_mps = 0.3;
-// An object standing in a queue may start: with this acceleration, and up to this speed.
-constexpr double kStart_mps2 = 1.0;
-constexpr double kStart_mps = 5.0;
-constexpr double kStandingProbability = 0.6;
-constexpr double kTurnProbability = 0.2;
-// An acceleration that is seen dies away with this time, and is not believed beyond the limit.
-constexpr double kAccelerationDecay_s = 0.05;
-constexpr double kAccelerationMax_mps2 = 3.0;
-// One that speeds up below the general limit in towns goes on with that, the less the faster it is
-// (the free road of the Intelligent Driver Model, with its comfortable acceleration).
-constexpr double kSpeedingUp_mps2 = 1.5;
-constexpr double kSpeedingUpTo_mps = 13.9;
-constexpr double kSpeedingUpDecay_s = 2.0;
-constexpr double kBraking_mps2 = 8.0;
-constexpr double kGapMin_m = 1.0;
-// A motion to the side that is no change of lane dies away.
-constexpr double kAcrossDecay_s = 0.7;
-// The observed direction is used for this long, where the lane bends by less than that angle.
-constexpr double kStraight_s = 3.0;
-constexpr double kStraight_rad = 0.1;
-// A change of lane is likely when the offset in this time is beyond the threshold.
-constexpr double kChangeAhead_s = 2.0;
-constexpr double kChangeOffset_m = 1.4;
-constexpr double kChangeWidth_m = 0.25;
-constexpr double kChangeProbabilityMin = 0.02;
-constexpr double kChangeProbabilityMax = 0.9;
-constexpr double kChangeSpeed_mps = 0.9;
-constexpr double kYawRateMax_radps = 0.6;
-// In a constant turn, who brakes harder than this goes on braking, dying away with this time.
-constexpr double kBrakesOn_mps2 = 3.0;
-constexpr double kBrakesOnDecay_s = 2.0;
-constexpr double kLeaderAhead_m = 100.0;
 
 double square(double value) {
   return value * value;
@@ -95,9 +63,9 @@ Predictor::Track Predictor::begin(const scene::SceneObject& object) const {
   Track track{.source = &object, .along_m = object.along_m()};
   if (lanes_.has(object.lane())) {
     const double speed_mps = std::max(0.0, object.object().speed_mps());
-    const double reach_m =
-        speed_mps * options_.horizon_s + 0.5 * kSpeedingUp_mps2 * square(options_.horizon_s);
-    track.paths = lanes_.from(object.lane(), track.along_m + reach_m + kLeaderAhead_m);
+    const double reach_m = speed_mps * options_.horizon_s +
+                           0.5 * kPredictor.speeding_up_mps2 * square(options_.horizon_s);
+    track.paths = lanes_.from(object.lane(), track.along_m + reach_m + kPredictor.leader_ahead_m);
   }
   return track;
 }
@@ -108,7 +76,7 @@ void Predictor::find_leaders(std::vector<Track>& tracks) const {
       continue;
     }
     const perception::Object& own = track.source->object();
-    double least_m = kLeaderAhead_m;
+    double least_m = kPredictor.leader_ahead_m;
     for (std::size_t index = 0; index < tracks.size(); ++index) {
       const Track& other = tracks[index];
       const auto begin_m = track.paths.front().begin_of(other.source->lane());
@@ -149,16 +117,18 @@ double Predictor::acceleration(const Track& track, const std::vector<Track>& tra
                                std::size_t step) const {
   const double time_s = static_cast<double>(step) * options_.step_s;
   const double speed_mps = track.speed_mps[step];
-  double free_mps2 = std::clamp(track.source->object().acceleration_mps2(), -kAccelerationMax_mps2,
-                                kAccelerationMax_mps2) *
-                     std::exp(-time_s / kAccelerationDecay_s);
+  double free_mps2 =
+      std::clamp(track.source->object().acceleration_mps2(), -kPredictor.acceleration_max_mps2,
+                 kPredictor.acceleration_max_mps2) *
+      std::exp(-time_s / kPredictor.acceleration_decay_s);
   const double speeding_up_mps2 =
-      std::clamp(track.source->object().acceleration_mps2(), 0.0, kSpeedingUp_mps2);
-  free_mps2 = std::max(free_mps2, speeding_up_mps2 *
-                                      std::max(0.0, 1.0 - square(speed_mps / kSpeedingUpTo_mps)) *
-                                      std::exp(-time_s / kSpeedingUpDecay_s));
-  if (track.speed_mps.front() < kStanding_mps) {
-    free_mps2 = speed_mps < kStart_mps ? kStart_mps2 : 0.0;
+      std::clamp(track.source->object().acceleration_mps2(), 0.0, kPredictor.speeding_up_mps2);
+  free_mps2 = std::max(free_mps2,
+                       speeding_up_mps2 *
+                           std::max(0.0, 1.0 - square(speed_mps / kPredictor.speeding_up_to_mps)) *
+                           std::exp(-time_s / kPredictor.speeding_up_decay_s));
+  if (track.speed_mps.front() < kPredictor.standing_mps) {
+    free_mps2 = speed_mps < kPredictor.start_mps ? kPredictor.start_mps2 : 0.0;
   }
   if (!track.leader) {
     return free_mps2;
@@ -170,17 +140,18 @@ double Predictor::acceleration(const Track& track, const std::vector<Track>& tra
   }
   // As gently as is enough to keep the distance, if the leader goes on as it drives then.
   const double gap_m = track.gap_m + leader.way_m[step] - track.way_m[step];
-  const double left_m = std::max(kGapMin_m, gap_m - options_.distance_min_m);
-  return std::max(-kBraking_mps2, std::min(free_mps2, -square(closing_mps) / (2.0 * left_m)));
+  const double left_m = std::max(kPredictor.gap_min_m, gap_m - options_.distance_min_m);
+  return std::max(-kPredictor.braking_mps2,
+                  std::min(free_mps2, -square(closing_mps) / (2.0 * left_m)));
 }
 
 void Predictor::add_hypotheses(const Track& track, prediction::PredictedObject& predicted) const {
   const perception::Object& object = track.source->object();
-  const bool stands = std::abs(object.speed_mps()) < kStanding_mps;
+  const bool stands = std::abs(object.speed_mps()) < kPredictor.standing_mps;
   double left = 1.0;
   if (stands) {
     auto& standing = *predicted.add_hypotheses();
-    standing.set_probability(track.paths.empty() ? 1.0 : kStandingProbability);
+    standing.set_probability(track.paths.empty() ? 1.0 : kPredictor.standing_probability);
     left -= standing.probability();
     stand(object, standing);
   }
@@ -197,8 +168,8 @@ void Predictor::add_hypotheses(const Track& track, prediction::PredictedObject& 
       normalize_angle(object.heading_rad() - path.line.heading_at(track.along_m));
   if (!stands) {
     auto& turning = *predicted.add_hypotheses();
-    turning.set_probability(kTurnProbability);
-    left -= kTurnProbability;
+    turning.set_probability(kPredictor.turn_probability);
+    left -= kPredictor.turn_probability;
     turn(object, turning);
     left = add_changes(track, slant_rad, left, predicted);
   }
@@ -218,20 +189,21 @@ double Predictor::add_changes(const Track& track, double slant_rad, double proba
                               prediction::PredictedObject& predicted) const {
   const perception::Object& object = track.source->object();
   const double across_mps = object.speed_mps() * std::sin(slant_rad);
-  const double offset_m = track.source->offset_m() + kChangeAhead_s * across_mps;
+  const double offset_m = track.source->offset_m() + kPredictor.change_ahead_s * across_mps;
   const bool is_left = offset_m > 0.0;
   const std::int64_t other = lanes_.beside(track.source->lane(), is_left);
   const double share =
-      std::min(kChangeProbabilityMax,
-               1.0 / (1.0 + std::exp((kChangeOffset_m - std::abs(offset_m)) / kChangeWidth_m)));
-  if (other == 0 || share < kChangeProbabilityMin) {
+      std::min(kPredictor.change_probability_max,
+               1.0 / (1.0 + std::exp((kPredictor.change_offset_m - std::abs(offset_m)) /
+                                     kPredictor.change_width_m)));
+  if (other == 0 || share < kPredictor.change_probability_min) {
     return probability;
   }
-  const double speed_mps = std::max(kChangeSpeed_mps, std::abs(across_mps));
+  const double speed_mps = std::max(kPredictor.change_speed_mps, std::abs(across_mps));
   const Eigen::Vector2d position(object.x_m(), object.y_m());
   const Polyline::Projection place = lanes_.from(other, 0.0).front().line.project(position);
-  const auto paths =
-      lanes_.from(other, std::max(0.0, place.along_m) + track.way_m.back() + kLeaderAhead_m);
+  const auto paths = lanes_.from(
+      other, std::max(0.0, place.along_m) + track.way_m.back() + kPredictor.leader_ahead_m);
   for (const LanePath& path : paths) {
     auto& change = *predicted.add_hypotheses();
     change.set_kind(is_left ? prediction::LANE_CHANGE_LEFT : prediction::LANE_CHANGE_RIGHT);
@@ -260,8 +232,8 @@ void Predictor::follow(const Track& track, const LanePath& path, double along_m,
       offset_m = across.begin_m + change_m * blend(share);
       across_mps = change_m * blend_slope(share) / across.duration_s;
     } else {
-      const double rest = std::exp(-time_s / kAcrossDecay_s);
-      offset_m = across.begin_m + across.speed_mps * kAcrossDecay_s * (1.0 - rest);
+      const double rest = std::exp(-time_s / kPredictor.across_decay_s);
+      offset_m = across.begin_m + across.speed_mps * kPredictor.across_decay_s * (1.0 - rest);
       across_mps = across.speed_mps * rest;
     }
     Eigen::Vector2d position = path.line.point_at(at_m, offset_m);
@@ -270,7 +242,8 @@ void Predictor::follow(const Track& track, const LanePath& path, double along_m,
       // straight prediction is better.
       const double bend_rad =
           normalize_angle(path.line.heading_at(at_m) - path.line.heading_at(along_m));
-      const double share = std::exp(-time_s / kStraight_s - square(bend_rad / kStraight_rad));
+      const double share =
+          std::exp(-time_s / kPredictor.straight_s - square(bend_rad / kPredictor.straight_rad));
       const Eigen::Vector2d straight = Eigen::Vector2d(object.x_m(), object.y_m()) +
                                        track.way_m[step] * direction(object.heading_rad());
       position = share * straight + (1.0 - share) * position;
@@ -279,7 +252,8 @@ void Predictor::follow(const Track& track, const LanePath& path, double along_m,
     point.set_time_s(time_s);
     point.set_x_m(position.x());
     point.set_y_m(position.y());
-    const double slant_rad = speed_mps > kStanding_mps ? std::atan2(across_mps, speed_mps) : 0.0;
+    const double slant_rad =
+        speed_mps > kPredictor.standing_mps ? std::atan2(across_mps, speed_mps) : 0.0;
     point.set_heading_rad(normalize_angle(path.line.heading_at(at_m) + slant_rad));
     point.set_speed_mps(speed_mps);
     fill_stddevs(track.source->object(), time_s, true, point);
@@ -288,10 +262,10 @@ void Predictor::follow(const Track& track, const LanePath& path, double along_m,
 
 void Predictor::turn(const perception::Object& object, prediction::Hypothesis& hypothesis) const {
   hypothesis.set_kind(prediction::CONSTANT_TURN);
-  const double rate_radps =
-      std::clamp(object.yaw_rate_radps(), -kYawRateMax_radps, kYawRateMax_radps);
-  const double braking_mps2 = object.acceleration_mps2() < -kBrakesOn_mps2
-                                  ? std::max(object.acceleration_mps2(), -kBraking_mps2)
+  const double rate_radps = std::clamp(object.yaw_rate_radps(), -kPredictor.yaw_rate_max_radps,
+                                       kPredictor.yaw_rate_max_radps);
+  const double braking_mps2 = object.acceleration_mps2() < -kPredictor.brakes_on_mps2
+                                  ? std::max(object.acceleration_mps2(), -kPredictor.braking_mps2)
                                   : 0.0;
   double speed_mps = object.speed_mps();
   Eigen::Vector2d position(object.x_m(), object.y_m());
@@ -307,8 +281,9 @@ void Predictor::turn(const perception::Object& object, prediction::Hypothesis& h
     fill_stddevs(object, time_s, false, point);
     const double before_mps = speed_mps;
     if (braking_mps2 < 0.0) {
-      speed_mps = std::max(
-          0.0, before_mps + braking_mps2 * std::exp(-time_s / kBrakesOnDecay_s) * options_.step_s);
+      speed_mps = std::max(0.0, before_mps + braking_mps2 *
+                                                 std::exp(-time_s / kPredictor.brakes_on_decay_s) *
+                                                 options_.step_s);
     }
     // Half a step on is the mean direction of the step.
     position += (before_mps + speed_mps) / 2.0 * options_.step_s *

@@ -8,19 +8,10 @@
 #include <vector>
 
 #include "common/map_lines.h"
+#include "scene_understanding_tuning.h"
 
 namespace ads {
 namespace {
-
-constexpr double kBeside_m = 1.5;
-constexpr double kBeyond_m = 1.0;
-// Before a lane that nothing leads to, and behind one that leads nowhere.
-constexpr double kBeyondMap_m = 30.0;
-constexpr double kMoving_mps = 1.0;
-constexpr double kSlant_rad = 1.0;
-constexpr double kSlant_m_per_rad = 3.0;
-// How much better another lane has to fit.
-constexpr double kHysteresis_m = 0.5;
 
 bool is_successor(const LaneMap::Lane& lane, std::int64_t id) {
   return std::ranges::find(lane.info.successors(), id) != lane.info.successors().end();
@@ -62,7 +53,7 @@ std::optional<LanePlace> LaneMap::match(const Eigen::Vector2d& position_m, doubl
   std::optional<LanePlace> best;
   double least_m = std::numeric_limits<double>::infinity();
   for (const auto& [id, lane] : lanes_) {
-    if (lane.bounds.exteriorDistance(position_m) > kBeyondMap_m) {
+    if (lane.bounds.exteriorDistance(position_m) > kLaneMap.beyond_map_m) {
       continue;
     }
     const Polyline::Projection place = lane.center.project(position_m);
@@ -76,17 +67,18 @@ std::optional<LanePlace> LaneMap::match(const Eigen::Vector2d& position_m, doubl
     double slant_rad =
         std::abs(normalize_angle(heading_rad + (speed_mps < 0.0 ? std::numbers::pi : 0.0) -
                                  lane.center.heading_at(place.along_m)));
-    if (std::abs(speed_mps) < kMoving_mps) {
+    if (std::abs(speed_mps) < kLaneMap.moving_mps) {
       slant_rad = std::min(slant_rad, std::numbers::pi - slant_rad);
-    } else if (slant_rad > kSlant_rad) {
+    } else if (slant_rad > kLaneMap.slant_rad) {
       continue;
     }
-    if (beside_m > kBeside_m || beyond_m > (is_end ? kBeyondMap_m : kBeyond_m)) {
+    if (beside_m > kLaneMap.beside_m ||
+        beyond_m > (is_end ? kLaneMap.beyond_map_m : kLaneMap.beyond_m)) {
       continue;
     }
-    double misfit_m = beside_m + (is_end ? 0.0 : beyond_m) + kSlant_m_per_rad * slant_rad;
+    double misfit_m = beside_m + (is_end ? 0.0 : beyond_m) + kLaneMap.slant_m_per_rad * slant_rad;
     if (id == previous || (before != nullptr && is_successor(*before, id))) {
-      misfit_m -= kHysteresis_m;
+      misfit_m -= kLaneMap.hysteresis_m;
     }
     if (misfit_m < least_m) {
       least_m = misfit_m;

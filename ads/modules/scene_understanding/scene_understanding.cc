@@ -4,15 +4,10 @@
 #include <limits>
 #include <utility>
 
+#include "scene_understanding_tuning.h"
+
 namespace ads {
-namespace {
-
-// A state of the ego farther away in time is not used.
-constexpr std::int64_t kEgoAgeMax_ns = 500'000'000;
-// More hazards at once are a flood: the ones with the highest numbers are let go.
-constexpr std::size_t kHazardsMax = 1'000;
-
-}  // namespace
+namespace {}  // namespace
 
 SceneUnderstanding::SceneUnderstanding(fastcycle::Context& context)
     : Component(context),
@@ -59,13 +54,13 @@ void SceneUnderstanding::take(const connectivity::Hazard& hazard) {
     return;
   }
   hazards_[hazard.id()] = hazard;
-  if (hazards_.size() > kHazardsMax) {
+  if (hazards_.size() > kSceneUnderstanding.hazards_max) {
     hazards_.erase(std::prev(hazards_.end()));
   }
 }
 
 std::optional<EgoState> SceneUnderstanding::ego_at(std::int64_t time_ns) const {
-  std::int64_t least_ns = kEgoAgeMax_ns + 1;
+  std::int64_t least_ns = kSceneUnderstanding.ego_age_max_ns + 1;
   fastcycle::Sample<localization::Ego> closest;
   for (std::size_t index = 0; index < egos_.size(); ++index) {
     auto ego = egos_[index];

@@ -7,20 +7,10 @@
 #include <stdexcept>
 #include <utility>
 
+#include "scene_understanding_tuning.h"
+
 namespace ads {
 namespace {
-
-// So far lanes are followed.
-constexpr double kAhead_m = 300.0;
-constexpr double kBehind_m = 200.0;
-constexpr double kApproach_m = 60.0;
-// Something that is on no lane is in the ego's way if it is not farther beside it.
-constexpr double kInTheWay_m = 1.75;
-constexpr double kOncoming_rad = 2.2;
-constexpr double kOncomingBeside_m = 8.0;
-constexpr double kNearby_m = 15.0;
-constexpr double kStanding_mps = 0.5;
-constexpr double kRoadMargin_m = 1.5;
 
 // Half of what a box takes along a line, when it stands at a slant to it.
 double half_along(double length_m, double width_m, double slant_rad) {
@@ -52,12 +42,12 @@ RouteFrame::RouteFrame(const EgoState& ego)
                                                 ego.position_m + direction(ego.heading_rad)}) {}
 
 bool RouteFrame::is_on_road(const Polyline::Projection& place, double margin_m) const {
-  constexpr double kUnknownEdge_m = 8.0;
   const auto& along = reference_.arclengths_m();
   const auto index =
       static_cast<std::size_t>(std::ranges::lower_bound(along, place.along_m) - along.begin());
   const auto edge = [&](const std::vector<double>& edges) {
-    return edges.size() == along.size() ? edges[std::min(index, edges.size() - 1)] : kUnknownEdge_m;
+    return edges.size() == along.size() ? edges[std::min(index, edges.size() - 1)]
+                                        : kSituation.unknown_edge_m;
   };
   return place.offset_m <= edge(left_edge_m_) + margin_m &&
          place.offset_m >= -edge(right_edge_m_) - margin_m;
@@ -111,7 +101,7 @@ void Situation::spread_sideways(std::int64_t lane, int side,
 void Situation::spread_from(std::int64_t ego_lane, bool is_forward) {
   std::map<std::int64_t, int> row{{ego_lane, 0}};
   double way_m = 0.0;
-  while (!row.empty() && way_m < (is_forward ? kAhead_m : kBehind_m)) {
+  while (!row.empty() && way_m < (is_forward ? kSituation.ahead_m : kSituation.behind_m)) {
     const auto first = row;
     for (const auto& [lane, side] : first) {
       spread_sideways(lane, side, row);
@@ -170,7 +160,7 @@ void Situation::mark_crossing(std::int64_t lane, scene::RightOfWay right_of_way)
     auto& known = crossing_.emplace(id, right_of_way).first->second;
     known = std::max(known, right_of_way);
     const double length_m = id == lane ? 0.0 : found->center.length_m();
-    if (away_m + length_m < kApproach_m) {
+    if (away_m + length_m < kSituation.approach_m) {
       for (const std::int64_t before : found->info.predecessors()) {
         open.emplace_back(before, away_m + length_m);
       }
@@ -192,8 +182,8 @@ void Situation::judge(const perception::Object& object, const std::optional<Lane
     result.set_along_m(place->along_m);
     result.set_offset_m(place->offset_m);
   }
-  const bool is_on_route =
-      frame_.is_on_road(on_route, kRoadMargin_m) && result.relation() != scene::ELSEWHERE;
+  const bool is_on_route = frame_.is_on_road(on_route, kSituation.road_margin_m) &&
+                           result.relation() != scene::ELSEWHERE;
   result.set_gap_m(is_on_route ? gap_m : std::numeric_limits<double>::quiet_NaN());
   if (result.relation() == scene::CROSSING) {
     result.set_right_of_way(crossing_.at(lane));
@@ -220,11 +210,12 @@ scene::Relation Situation::relation(const perception::Object& object, std::int64
   }
   const double slant_rad =
       std::abs(normalize_angle(object.heading_rad() - frame_.heading_at(place.along_m)));
-  if (slant_rad > kOncoming_rad && object.speed_mps() > kStanding_mps && is_ahead) {
+  if (slant_rad > kSituation.oncoming_rad && object.speed_mps() > kSituation.standing_mps &&
+      is_ahead) {
     return scene::ONCOMING;
   }
-  if (lane == 0 &&
-      std::abs(place.offset_m - ego_place_.offset_m) < kInTheWay_m + object.width_m() / 2.0) {
+  if (lane == 0 && std::abs(place.offset_m - ego_place_.offset_m) <
+                       kSituation.in_the_way_m + object.width_m() / 2.0) {
     return is_ahead ? scene::LEADING : scene::BEHIND;
   }
   return scene::ELSEWHERE;
@@ -251,9 +242,9 @@ bool Situation::is_relevant(const perception::Object& object, const scene::Scene
                                    options_.reach_s * (object.speed_mps() - ego_.speed_mps));
     case scene::ONCOMING:
       return distance_m < 2.0 * reach_m &&
-             std::abs(place.offset_m - ego_place_.offset_m) < kOncomingBeside_m;
+             std::abs(place.offset_m - ego_place_.offset_m) < kSituation.oncoming_beside_m;
     default:
-      return distance_m < kNearby_m;
+      return distance_m < kSituation.nearby_m;
   }
 }
 
