@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -17,6 +18,7 @@
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -151,6 +153,24 @@ void set_up_thread(const Plan& plan) noexcept {
   }
 }
 
+void set_up_receiver(const Plan& plan) noexcept {
+  set_up_thread(plan);
+  if (plan.slice_us == 0 || plan.is_fifo) {
+    return;
+  }
+  // Of sched_setattr, which the C library does not have; see sched(7).
+  struct {
+    std::uint32_t size = 0, policy = SCHED_OTHER;
+    std::uint64_t flags = 0;
+    std::int32_t nice = getpriority(PRIO_PROCESS, 0);
+    std::uint32_t priority = 0;
+    std::uint64_t runtime_ns = 0, deadline_ns = 0, period_ns = 0;
+  } attributes;
+  attributes.size = sizeof(attributes);
+  attributes.runtime_ns = 1000 * static_cast<std::uint64_t>(plan.slice_us);
+  static_cast<void>(syscall(SYS_sched_setattr, 0, &attributes, 0));
+}
+
 bool may_use_fifo() {
   int policy = SCHED_OTHER;
   std::thread([&policy] {
@@ -167,7 +187,7 @@ Measured floor_latency(const Plan& plan, Waiting waiting) {
   Payloads payloads(plan.size);
   const auto slots = std::make_unique<Slots>();
   std::thread receiver([&] {
-    set_up_thread(plan);
+    set_up_receiver(plan);
     for (;;) {
       const Message& message = slots->take(waiting);
       const std::int64_t arrived_ns = now_ns();
@@ -205,7 +225,7 @@ Measured floor_processes(const Plan& plan, Waiting waiting) {
     if (getppid() != parent) {
       _exit(1);
     }
-    set_up_thread(plan);
+    set_up_receiver(plan);
     for (;;) {
       const Message& message = slots->take(waiting);
       const std::int64_t arrived_ns = now_ns();

@@ -15,6 +15,7 @@ struct Plan {
   std::int64_t warmup = 200;
   std::int64_t interval_us = 1000;
   bool is_fifo = false;                     ///< Threads run as SCHED_FIFO, where granted.
+  std::int64_t slice_us = 0;                ///< The kernel's time slice of receivers; 0: as usual.
   const std::atomic<bool>* stop = nullptr;  ///< Ends the measurement early once it is true.
 };
 

@@ -11,6 +11,8 @@ namespace fastcycle::measure {
 
 /// Like FastCycle's own workers: a timer slack of one nanosecond, and the policy of `plan`.
 void set_up_thread(const Plan& plan) noexcept;
+/// The same for a thread that only receives: it has the time slice of `plan` as well.
+void set_up_receiver(const Plan& plan) noexcept;
 
 /// Lets the other hyperthread of the core run, in a loop that waits.
 inline void pause_briefly() noexcept {

@@ -34,6 +34,7 @@ def arguments(words: list[str]) -> argparse.Namespace:
     line.add_argument("--sizes", default="32K,512K,1M,4M", help="payload sizes (32K,512K,1M,4M)")
     line.add_argument("--count", type=int, default=1500, help="messages per size, round and contender (1500)")
     line.add_argument("--rounds", type=int, default=5, help="number of rounds (5)")
+    line.add_argument("--processes", action="store_true", help="also between two processes")
     line.add_argument("--build", type=pathlib.Path, default=ROOT / "build" / "release", metavar="DIR",
                       help="the build to measure (build/release)")  # fmt: skip
     chosen = line.parse_args(words)
@@ -42,11 +43,12 @@ def arguments(words: list[str]) -> argparse.Namespace:
     return chosen
 
 
-def read_stamps(file: pathlib.Path) -> tuple[list[int], list[int]]:
+def read_stamps(files: list[pathlib.Path]) -> tuple[list[int], list[int]]:
     """The times of calls that wake, and of returns of calls that waited, each in order."""
     times: dict[str, list[int]] = {"wake": [], "return": []}
-    for kind, time_ns in csv.reader(file.open(encoding="utf-8")):
-        times[kind].append(int(time_ns))
+    for file in files:
+        for kind, time_ns in csv.reader(file.open(encoding="utf-8")):
+            times[kind].append(int(time_ns))
     return sorted(times["wake"]), sorted(times["return"])
 
 
@@ -72,13 +74,19 @@ def measure(chosen: argparse.Namespace) -> dict[tuple[int, str], list[Parts]]:
         for number in range(1, chosen.rounds + 1):
             raw, stamps = folder / "raw.csv", folder / "stamps"
             command = [program, "bench", "latency", "--wait", "park", "--size", chosen.sizes, "--count", str(chosen.count),
-                       "--first-round", str(number), "--raw", raw]  # fmt: skip
+                       "--first-round", str(number), "--raw", raw] + (["--processes"] if chosen.processes else [])  # fmt: skip
             environment = os.environ | {"LD_PRELOAD": str(library), "WAKE_STAMPS": str(stamps)}
             with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL) as process:
                 process.wait()
             if process.returncode != 0:
                 raise Failed(f"`{' '.join(map(str, command))}` ended with exit code {process.returncode}")
-            wakes, returns = read_stamps(pathlib.Path(f"{stamps}.{process.pid}"))
+            # Applications of several processes are started as programs of their own.
+            files = list(folder.glob("stamps.*"))
+            if not files:
+                raise Failed(f"{library.name} wrote no stamps in {folder}")
+            wakes, returns = read_stamps(files)
+            for file in files:
+                file.unlink()
             for row in csv.DictReader(raw.open(encoding="utf-8")):
                 parts = parts_of(int(row["sent_ns"]), int(row["arrived_ns"]), wakes, returns)
                 if parts is not None:

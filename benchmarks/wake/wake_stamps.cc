@@ -7,10 +7,12 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <new>
 #include <string>
 
 #include <dlfcn.h>
 #include <linux/futex.h>
+#include <sys/mman.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -27,28 +29,45 @@ struct Stamp {
 
 constexpr std::size_t kStamps = std::size_t{1} << 20;
 
-std::array<Stamp, kStamps> stamps;
-std::atomic<std::size_t> stamp_count{0};
+struct Stamps {
+  std::atomic<std::size_t> count{0};
+  std::array<Stamp, kStamps> all;
+};
+
+// Shared with the processes that are forked from this one.
+Stamps* stamps = nullptr;
+pid_t owner = 0;
 
 void add(bool is_return) noexcept {
   const std::int64_t time_ns = fastcycle::measure::now_ns();
-  const std::size_t index = stamp_count.fetch_add(1, std::memory_order_relaxed);
-  if (index < stamps.size()) {
-    stamps[index] = {.time_ns = time_ns, .is_return = is_return};
+  if (stamps == nullptr) {
+    return;
+  }
+  const std::size_t index = stamps->count.fetch_add(1, std::memory_order_relaxed);
+  if (index < stamps->all.size()) {
+    stamps->all[index] = {.time_ns = time_ns, .is_return = is_return};
   }
 }
 
-// Finds the C library's function, and touches the memory, so that no stamp causes a page fault.
+// Touches the memory, so that no stamp causes a page fault in this process.
+[[gnu::constructor]] void map_stamps() {
+  void* const memory = mmap(nullptr, sizeof(Stamps), PROT_READ | PROT_WRITE,
+                            MAP_SHARED | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
+  if (memory != MAP_FAILED) {
+    stamps = new (memory) Stamps;
+    owner = getpid();
+  }
+}
+
 Syscall prepare() noexcept {
-  stamps.fill(Stamp{});
   return reinterpret_cast<Syscall>(dlsym(RTLD_NEXT, "syscall"));
 }
 
-/// Writes a line for each stamp to the file WAKE_STAMPS.PID: programs that this one starts have
-/// this library too.
+/// Writes a line for each stamp, also of forked processes, to the file WAKE_STAMPS.PID: programs
+/// that this one starts have this library too.
 [[gnu::destructor]] void write_stamps() {
   const char* const path = std::getenv("WAKE_STAMPS");
-  if (path == nullptr) {
+  if (path == nullptr || stamps == nullptr || owner != getpid()) {
     return;
   }
   const std::string name = std::string(path) + "." + std::to_string(getpid());
@@ -56,9 +75,9 @@ Syscall prepare() noexcept {
   if (file == nullptr) {
     return;
   }
-  for (std::size_t i = 0; i < stamp_count.load() && i < stamps.size(); ++i) {
-    std::fprintf(file, "%s,%lld\n", stamps[i].is_return ? "return" : "wake",
-                 static_cast<long long>(stamps[i].time_ns));
+  for (std::size_t i = 0; i < stamps->count.load() && i < stamps->all.size(); ++i) {
+    std::fprintf(file, "%s,%lld\n", stamps->all[i].is_return ? "return" : "wake",
+                 static_cast<long long>(stamps->all[i].time_ns));
   }
   const bool has_failed = std::ferror(file) != 0;
   if (std::fclose(file) != 0 || has_failed) {
@@ -78,13 +97,15 @@ extern "C" [[gnu::visibility("default")]] long syscall(long number, ...) noexcep
     one = va_arg(rest, long);
   }
   va_end(rest);
-  const long operation = given[1];
-  if (number == SYS_futex && operation == FUTEX_WAKE_PRIVATE) {
+  const long operation = given[1] & FUTEX_CMD_MASK & ~FUTEX_PRIVATE_FLAG;
+  if (number == SYS_futex && operation == FUTEX_WAKE) {
     add(false);
   }
   const long result = original(number, given[0], given[1], given[2], given[3], given[4], given[5]);
-  if (number == SYS_futex && result == 0 &&
-      (operation == FUTEX_WAIT_PRIVATE || operation == FUTEX_WAIT_BITSET_PRIVATE)) {
+  const bool has_waited =
+      (number == SYS_futex && (operation == FUTEX_WAIT || operation == FUTEX_WAIT_BITSET)) ||
+      number == SYS_futex_waitv;
+  if (has_waited && result >= 0) {
     add(true);
   }
   return result;

@@ -25,21 +25,28 @@ struct SchedulingAttributes {
 
 }  // namespace
 
+bool set_time_slice(std::chrono::nanoseconds slice) noexcept {
+  const auto slice_ns = static_cast<std::uint64_t>(slice.count());
+  SchedulingAttributes attributes{.size = sizeof(SchedulingAttributes),
+                                  .policy = SCHED_OTHER,
+                                  .flags = 0,
+                                  .nice = ::getpriority(PRIO_PROCESS, 0),  // Of this thread alone.
+                                  .priority = 0,
+                                  .runtime_ns = slice_ns,
+                                  .deadline_ns = 0,
+                                  .period_ns = 0};
+  // Systems without slices ignore them, or return an error.
+  return ::syscall(SYS_sched_setattr, 0, &attributes, 0) == 0 &&
+         ::syscall(SYS_sched_getattr, 0, &attributes, sizeof(attributes), 0) == 0 &&
+         attributes.runtime_ns == slice_ns;
+}
+
 void give_way() noexcept {
   constexpr int kNice = 10;
-  constexpr std::uint64_t kSliceNs = 10'000'000;  // Others have 0.7 to 3 ms, unless they ask.
+  constexpr std::chrono::milliseconds kSlice{10};  // Others have 0.7 to 3 ms, unless they ask.
   const int nice = std::max(kNice, ::getpriority(PRIO_PROCESS, 0));  // Of this thread alone.
   static_cast<void>(::setpriority(PRIO_PROCESS, 0, nice));
-  const SchedulingAttributes attributes{.size = sizeof(SchedulingAttributes),
-                                        .policy = SCHED_OTHER,
-                                        .flags = 0,
-                                        .nice = nice,
-                                        .priority = 0,
-                                        .runtime_ns = kSliceNs,
-                                        .deadline_ns = 0,
-                                        .period_ns = 0};
-  // Systems without slices ignore them, or return an error.
-  static_cast<void>(::syscall(SYS_sched_setattr, 0, &attributes, 0));
+  static_cast<void>(set_time_slice(kSlice));
 }
 
 }  // namespace fastcycle::base

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <thread>
 
@@ -27,6 +28,19 @@ std::uint64_t slice_of_this_thread() {
   } attributes{};
   EXPECT_EQ(syscall(SYS_sched_getattr, 0, &attributes, sizeof(attributes), 0), 0);
   return attributes.runtime_ns;
+}
+
+TEST(TimeSlice, IsSetForTheCallingThreadWhereTheKernelHasSlices) {
+  bool is_set = false;
+  std::uint64_t slice_ns = 0;
+
+  std::thread thread([&] {
+    is_set = set_time_slice(std::chrono::microseconds(100));
+    slice_ns = slice_of_this_thread();
+  });
+  thread.join();
+
+  EXPECT_EQ(slice_ns, is_set ? 100'000U : 0U);
 }
 
 TEST(GiveWay, AsksForLongTimeSlices) {

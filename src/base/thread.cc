@@ -1,6 +1,7 @@
 #include "base/thread.h"
 
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <exception>
 #include <future>
@@ -12,6 +13,7 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 
+#include "base/priority.h"
 #include "base/signal_stack.h"
 #include "fastcycle/assert.h"
 
@@ -55,6 +57,12 @@ void pin(const ThreadOptions& options, std::vector<Refusal>& refusals) {
 
 void set_policy(const ThreadOptions& options, std::vector<Refusal>& refusals) {
   if (options.policy == SchedulingPolicy::kOther) {
+    const std::chrono::microseconds slice(options.slice_us);
+    if (slice.count() != 0 && !set_time_slice(slice)) {
+      refusals.push_back({"slice_us " + std::to_string(options.slice_us) + " for thread " +
+                              options.name + ": the kernel has no time slices of single threads",
+                          "use Linux 6.12 or later"});
+    }
     return;
   }
   if (options.policy == SchedulingPolicy::kIdle) {

@@ -18,6 +18,7 @@ struct ThreadOptions {
   std::vector<int> cpus;
   SchedulingPolicy policy = SchedulingPolicy::kOther;
   int priority = 0;  ///< 1 to 99 for FIFO and round robin.
+  int slice_us = 0;  ///< The time slice with `kOther`, 100 to 100000; 0: the kernel's.
 };
 
 /// One thing that the machine refused, and how to grant it.

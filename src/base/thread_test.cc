@@ -6,6 +6,7 @@
 #include <sched.h>
 #include <sys/prctl.h>
 
+#include "base/priority.h"
 #include "base/signal_stack.h"
 
 namespace fastcycle::base {
@@ -52,6 +53,21 @@ TEST(Thread, GivesWayToAllOthersIfAskedTo) {
 
   EXPECT_EQ(policy, SCHED_IDLE);
   EXPECT_TRUE(refusals.empty());
+}
+
+TEST(Thread, HasItsTimeSliceOrReportsThatTheKernelHasNone) {
+  bool has_slices = false;
+  std::vector<Refusal> refusals;
+
+  Thread thread(
+      {.name = "t", .cpus = {}, .slice_us = 200},
+      [&] { has_slices = set_time_slice(std::chrono::microseconds(300)); }, refusals);
+  thread.join();
+
+  ASSERT_EQ(refusals.size(), has_slices ? 0U : 1U);
+  if (!has_slices) {
+    EXPECT_EQ(refusals[0].what.find("slice_us 200 for thread t"), 0U);
+  }
 }
 
 TEST(Thread, SaysWhatTheMachineRefusesAndRunsAllTheSame) {

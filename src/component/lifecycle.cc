@@ -130,6 +130,7 @@ base::ThreadOptions Lifecycle::options_of(const config::ComponentDescription& co
     options.cpus = described->second.cpus;
     options.policy = to_policy(described->second.policy);
     options.priority = described->second.priority;
+    options.slice_us = described->second.slice_us;
   }
   return options;
 }

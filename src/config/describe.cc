@@ -103,6 +103,7 @@ void read_cpus(const Value& object, std::vector<int>& result) {
 template <typename Description>
 void read_scheduling(const Value& value, Description& description) {
   read_integer(value, "priority", description.priority);
+  read_integer(value, "slice_us", description.slice_us);
   description.policy =
       find_word(value, "policy", std::array{Policy::kOther, Policy::kFifo, Policy::kRr})
           .value_or(Policy::kOther);

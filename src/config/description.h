@@ -116,6 +116,7 @@ struct ExecutorDescription {
   std::vector<int> cpus;  ///< CPUs that the workers may run on; empty: all.
   Policy policy = Policy::kOther;
   int priority = 0;  ///< 1 to 99 with `kFifo` and `kRr`, otherwise 0.
+  int slice_us = 0;  ///< The kernel's time slice with `kOther`; 0: as usual.
   Wait wait = Wait::kPark;
   bool hand_over = false;
   Place place;
@@ -139,6 +140,7 @@ struct ThreadDescription {
   std::vector<int> cpus;  ///< CPUs that it may run on; empty: all.
   Policy policy = Policy::kOther;
   int priority = 0;  ///< 1 to 99 with `kFifo` and `kRr`, otherwise 0.
+  int slice_us = 0;  ///< The kernel's time slice with `kOther`; 0: as usual.
   Place place;
 };
 

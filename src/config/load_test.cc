@@ -265,6 +265,21 @@ TEST_F(LoadTest, PriorityOfAThreadNeedsAPolicyAndAPolicyAPriority) {
             std::string::npos);
 }
 
+TEST_F(LoadTest, TimeSlicesAreForTheOrdinaryPolicyAlone) {
+  const ApplicationDescription app = load_text(R"({"name": "demo", "executors": [
+      {"name": "urgent", "slice_us": 100},
+      {"name": "fifo", "policy": "fifo", "priority": 80, "slice_us": 200}], "components": [
+      {"name": "a", "library": "a", "executor": "urgent", "threads": {"device": {"slice_us": 300}}},
+      {"name": "b", "library": "a", "executor": "fifo"}]})");
+
+  EXPECT_EQ(app.executors.at(0).slice_us, 100);
+  EXPECT_EQ(app.components.at(0).threads.at("device").slice_us, 300);
+  EXPECT_EQ(problems.all().size(), 1U);
+  EXPECT_NE(text_of(problems).find("/executors/1"), std::string::npos);
+  EXPECT_NE(text_of(problems).find("a \"slice_us\" has no meaning with the policy \"fifo\""),
+            std::string::npos);
+}
+
 TEST_F(LoadTest, MissingFileIsOneError) {
   const ApplicationDescription app = load({.file = folder / "nothing.json"}, problems);
 

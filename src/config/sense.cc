@@ -152,6 +152,10 @@ class Sense {
       add(its.place, "priority", "a \"priority\" has no meaning with the policy " + policy,
           "set \"policy\" to \"fifo\" or \"rr\"");
     }
+    if (is_real_time && its.slice_us != 0) {
+      add(its.place, "slice_us", "a \"slice_us\" has no meaning with the policy " + policy,
+          "remove it, or set \"policy\" to \"other\"");
+    }
   }
 
   void check_cpus(const ExecutorDescription& executor) {

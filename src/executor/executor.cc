@@ -56,7 +56,7 @@ void Executor::start(std::vector<base::Refusal>& refusals) {
     const std::string suffix = options_.threads == 1 ? "" : "-" + std::to_string(worker);
     threads_.emplace_back(
         base::ThreadOptions{options_.name + suffix, options_.cpus, options_.policy,
-                            options_.priority},
+                            options_.priority, options_.slice_us},
         [this, worker] { work(worker); }, refusals);
   }
 }

@@ -31,6 +31,7 @@ struct ExecutorOptions {
   std::vector<int> cpus;
   base::SchedulingPolicy policy = base::SchedulingPolicy::kOther;
   int priority = 0;
+  int slice_us = 0;  ///< As in `ThreadOptions`.
   WaitMode wait = WaitMode::kPark;
   bool hand_over = false;  ///< A publish by one of its workers wakes no other of them.
 };

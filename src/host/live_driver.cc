@@ -35,6 +35,7 @@ LiveDriver::LiveDriver(const base::Clock& clock, const config::ApplicationDescri
                                 .cpus = executor.cpus,
                                 .policy = to_policy(executor.policy),
                                 .priority = executor.priority,
+                                .slice_us = executor.slice_us,
                                 .wait = to_wait(executor.wait),
                                 .hand_over = executor.hand_over}));
   }

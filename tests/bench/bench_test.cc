@@ -129,6 +129,14 @@ TEST_F(Bench, LatencyStandsBesideItsFloors) {
   EXPECT_THAT(left_behind(), IsEmpty());
 }
 
+TEST_F(Bench, ATimeSliceIsThatOfTheSubscriber) {
+  ASSERT_EQ(launch({"latency", "--slice-us", "100", "--print-application"}), 0) << errors_;
+
+  const json executors = json::parse(output_).at("executors");
+  EXPECT_FALSE(executors.at(0).contains("slice_us"));
+  EXPECT_EQ(executors.at(1).at("slice_us"), 100);
+}
+
 TEST_F(Bench, OptionsMayStandBeforeTheMode) {
   const auto found = rows({"--size", "64", "--wait", "park", "--count", "5", "--warmup", "0",
                            "--floors", "none", "latency"});
@@ -466,6 +474,7 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
       {{"startup", "--for", "10"}, "with its unit"},
       {{"timer", "--clock", "sundial"}, "--clock is"},
       {{"timer", "--clock", "simulated", "--fifo"}, "does not measure time"},
+      {{"latency", "--slice-us", "99"}, "--slice-us expects a number from 100 to 100000, not 99"},
       {{"timer", "--clock", "simulated", "--wait", "park"}, "--wait means nothing"},
       {{"fanout", "--floors", "all"}, "it is for chain"},
       {{"startup", "--floors", "none"}, "--floors means nothing"},

@@ -26,7 +26,7 @@ class Parts(unittest.TestCase):
         with tempfile.NamedTemporaryFile("w", suffix=".csv") as file:
             file.write("wake,30\nreturn,20\nwake,10\n")
             file.flush()
-            self.assertEqual(wake.read_stamps(pathlib.Path(file.name)), ([10, 30], [20]))
+            self.assertEqual(wake.read_stamps([pathlib.Path(file.name)]), ([10, 30], [20]))
 
     def test_the_table_has_the_baseline_first(self):
         lines = wake.table({(32768, "fastcycle-park"): [(500, 6000, 600)], (32768, "floor-futex"): [(200, 6000, 100)]}).splitlines()

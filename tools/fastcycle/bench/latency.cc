@@ -1,6 +1,7 @@
 // latency: from publish to callback. rtt: there and back.
 
 #include <string>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -27,9 +28,13 @@ Json latency_application(const Options& options, std::int64_t size, const std::s
     its_sink["params"]["echoes"] = true;
   }
   write_samples_to(is_rtt ? its_source : its_sink, folder);
-  return application({executor(options, "publisher", publisher_wait(wait, is_rtt), 1),
-                      executor(options, "subscriber", wait, 0)},
-                     {its_source, its_sink});
+  Json subscriber = executor(options, "subscriber", wait, 0);
+  if (options.slice_us != 0 && !options.is_fifo) {
+    subscriber["slice_us"] = options.slice_us;
+  }
+  return application(
+      {executor(options, "publisher", publisher_wait(wait, is_rtt), 1), std::move(subscriber)},
+      {its_source, its_sink});
 }
 
 Finding measure_floor(const Session& session, const std::string& peer,

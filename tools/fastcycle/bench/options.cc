@@ -44,7 +44,7 @@ const std::map<std::string, Defaults>& modes() {
   static const std::map<std::string, Defaults> kModes = {
       {"latency",
        {{"--size", "--count", "--warmup", "--interval-us", "--raw", "--wait", "--floors",
-         "--processes"},
+         "--processes", "--slice-us"},
         kLarge,
         5000,
         200}},
@@ -216,17 +216,19 @@ std::string find_meaningless_in_simulation(const Options& options, const Default
 
 std::string find_bad_number(const Options& options) {
   // The credits come in quarters, and what waits for a subscriber is at most 65536 messages.
-  for (const auto& wrong : {out_of_range("--count", options.count, 1, kMaxCount),
-                            out_of_range("--warmup", options.warmup, 0, kMaxCount),
-                            out_of_range("--interval-us", options.interval_us, 1, 60'000'000),
-                            out_of_range("--rounds", options.rounds, 1, 10'000),
-                            out_of_range("--first-round", options.first_round, 1, 10'000),
-                            out_of_range("--load", options.load, 0, 1024),
-                            out_of_range("--window", options.window, 4, 65536),
-                            out_of_range("--subs", options.subs, 1, kMaxComponents - 1),
-                            out_of_range("--hops", options.hops, 1, kMaxComponents - 1),
-                            out_of_range("--components", options.components, 1, kMaxComponents - 2),
-                            out_of_range("--topics", options.topics, 1, 100'000)}) {
+  for (const auto& wrong :
+       {out_of_range("--count", options.count, 1, kMaxCount),
+        out_of_range("--warmup", options.warmup, 0, kMaxCount),
+        out_of_range("--interval-us", options.interval_us, 1, 60'000'000),
+        out_of_range("--rounds", options.rounds, 1, 10'000),
+        out_of_range("--first-round", options.first_round, 1, 10'000),
+        out_of_range("--load", options.load, 0, 1024),
+        out_of_range("--slice-us", options.slice_us, options.slice_us == 0 ? 0 : 100, 100'000),
+        out_of_range("--window", options.window, 4, 65536),
+        out_of_range("--subs", options.subs, 1, kMaxComponents - 1),
+        out_of_range("--hops", options.hops, 1, kMaxComponents - 1),
+        out_of_range("--components", options.components, 1, kMaxComponents - 2),
+        out_of_range("--topics", options.topics, 1, 100'000)}) {
     if (!wrong.empty()) {
       return wrong;
     }
@@ -311,6 +313,9 @@ void add_options(CLI::App& line, Options& options) {
            "How workers wait: park, spin, adaptive (park; fanout, trace: park,spin)");
   add("--load", options.load, "N", "Number of other busy processes during the measurement (0)");
   line.add_flag("--fifo", options.is_fifo, "Run workers and floors as SCHED_FIFO");
+  add("--slice-us", options.slice_us, "N",
+      "latency: time slice of the subscriber's worker and of the floors' receivers, 100 to 100000 "
+      "(that of the kernel)");
   add("--floors", options.floors, "WHICH",
       "Floors to measure: default, all (latency: with malloc; flood: with a bare ring) or none");
   line.add_flag("--json", options.is_json,

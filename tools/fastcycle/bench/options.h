@@ -24,6 +24,7 @@ struct Options {
   std::vector<std::string> waits;
   std::int64_t load = 0;
   bool is_fifo = false;
+  std::int64_t slice_us = 0;
   std::string floors = "default";
   bool is_json = false;
   bool prints_application = false;

@@ -89,6 +89,7 @@ measure::Plan Session::plan(std::int64_t size) const {
           .warmup = options_.warmup,
           .interval_us = options_.interval_us,
           .is_fifo = options_.is_fifo,
+          .slice_us = options_.slice_us,
           .stop = &is_stopped_};
 }
 
