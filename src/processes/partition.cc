@@ -68,7 +68,7 @@ std::uint32_t Partition::process_of(const std::string& component) const {
 }
 
 std::uint16_t Partition::lane_room(const std::string& component) const {
-  constexpr std::uint16_t kRoom = 256;
+  constexpr std::uint16_t kRoom = 1024;
   return plan_.other_of(process_) && runs_here(component) ? kRoom : 0;
 }
 

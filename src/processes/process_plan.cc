@@ -22,6 +22,7 @@ constexpr std::size_t kMaxDepth = 16'384;
 constexpr std::size_t kSpare = 8;
 /// Minimum depth for a component that is, or was, on standby.
 constexpr std::size_t kDepthOfStandby = 16;
+constexpr std::size_t kDepthOfSmallOfStandby = 256;
 
 }  // namespace
 
@@ -333,9 +334,13 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
   if (to == from || !is_wanted) {
     return;
   }
-  if (twin_of(to) || shadow != nullptr) {
-    // A follower lags behind, and must not lose what the primary still takes.
-    depth = std::max(2 * depth, kDepthOfStandby);
+  const bool is_followed_there = twin_of(to) || shadow != nullptr;
+  std::size_t depth_of_large = depth;
+  if (is_followed_there) {
+    // A follower lags behind, and must not lose what the primary still takes: most of all while it
+    // makes its component's object.
+    depth_of_large = std::max(2 * depth, kDepthOfStandby);
+    depth = std::max(2 * depth, kDepthOfSmallOfStandby);
     keep += 2 * depth;
   }
   const auto place_in = [&](ProcessIndex process, const std::string& name) {
@@ -350,9 +355,8 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
   // its process waits for a CPU. In simulated time all of a round waits for its end.
   const std::size_t least_depth = needs.is_simulated || gets_all(to, needs) ? 256 : 16;
   const std::size_t queue = std::clamp(2 * depth, least_depth, kMaxDepth);
-  const std::size_t queue_of_large = needs.is_simulated || twin_of(to) || shadow != nullptr
-                                         ? queue
-                                         : std::clamp(2 * depth, std::size_t{16}, queue);
+  const std::size_t queue_of_large =
+      needs.is_simulated ? queue : std::clamp(2 * depth_of_large, std::size_t{16}, queue);
   segment::LinkPlan link{.from = from, .to = to};
   link.depth = static_cast<std::uint32_t>(queue);
   link.depth_of_large = static_cast<std::uint32_t>(queue_of_large);

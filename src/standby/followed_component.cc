@@ -220,9 +220,44 @@ void FollowedComponent::pop() {
   waiting_.pop_front();
 }
 
+/// Messages for callbacks that are missing here, with later ones in their lanes; above 0 where some
+/// may be, since the process took none from the others while it started.
+std::uint64_t FollowedComponent::missing() const {
+  std::uint64_t sum = 0;
+  for (const detail::CallbackSubscription* subscription : core_.subscriptions.callbacks()) {
+    for (const auto& lane : subscription->lanes()) {
+      const bool drops_newest = lane->options.overflow == Overflow::kDropNewest;
+      sum += (lane->options.is_imported ? 1U : 0U) + lane->dropped_outside.get() +
+             lane->dropped_by_pool.get() + (drops_newest ? lane->overflowed.get() : 0);
+    }
+  }
+  return sum;
+}
+
+/// Makes room for newer messages, where the lane would drop them.
+void FollowedComponent::drop_cause(const FollowedActivation& activation) {
+  const detail::ActivationRecord& record = activation.record;
+  const auto& callbacks = core_.subscriptions.callbacks();
+  if (record.publisher == 0 || record.subscription >= callbacks.size()) {
+    return;
+  }
+  const auto lane = lane_of(*callbacks[record.subscription], record.publisher);
+  Lane::Head found;
+  if (lane != nullptr && lane->options.overflow == Overflow::kDropNewest &&
+      find(*lane, record.key, found) == Input::kThere) {
+    detail::release(found.envelope);
+    lane->subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+  }
+}
+
 /// Checks whether it can begin after this activation; false if it must wait for that.
 bool FollowedComponent::seek(detail::ActivationRing& ring, const FollowedActivation& activation) {
-  Input input = is_frame(activation) ? find_frame(activation) : Input::kLost;
+  if (const std::uint64_t now = missing(); now != missing_) {
+    missing_ = now;
+    frames_after_ns_ = base::monotonic_ns();
+  }
+  const bool may_begin = is_frame(activation) && activation.record.begin_ns > frames_after_ns_;
+  Input input = may_begin ? find_frame(activation) : Input::kLost;
   if (input == Input::kThere) {
     input = find_after_frame();
   }
@@ -233,6 +268,8 @@ bool FollowedComponent::seek(detail::ActivationRing& ring, const FollowedActivat
     begin_at(ring, activation);
     late_ = nullptr;
     listener_.found_frame();
+  } else {
+    drop_cause(activation);
   }
   for (const ForView& one : for_views_) {  // Of a frame with missing messages.
     detail::release(one.envelope);

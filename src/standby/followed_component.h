@@ -86,6 +86,8 @@ class FollowedComponent final : public detail::Script {
   void pop();
   void skip(const FollowedActivation& activation, std::string_view why);
   [[nodiscard]] bool seek(detail::ActivationRing& ring, const FollowedActivation& activation);
+  [[nodiscard]] std::uint64_t missing() const;
+  void drop_cause(const FollowedActivation& activation);
   [[nodiscard]] Input find_frame(const FollowedActivation& activation);
   [[nodiscard]] Input find_after_frame();
   void begin_at(detail::ActivationRing& ring, const FollowedActivation& frame);
@@ -121,6 +123,8 @@ class FollowedComponent final : public detail::Script {
   bool is_lost_ = false;
   std::int64_t missing_since_ns_ = 0;  ///< Since when an input has been missing; 0: none is.
   host::ApplicationHost* late_;        ///< Null once no key frame is needed.
+  std::uint64_t missing_ = 0;          ///< With `late_`: as of the last `missing()`.
+  std::int64_t frames_after_ns_ = -1;  ///< Earlier key frames may have gaps after them.
   bool has_started_ = false;           ///< With `late_`: the start of its process is complete.
   std::size_t reads_found_ = 0;        ///< Of the next activation: with messages searched for.
   std::vector<ForView> for_views_;

@@ -248,8 +248,24 @@ TEST_F(ALateFollower, ChangesModesAlsoWhereItWasAskedBeforeItsKeyFrame) {
 
 class ALateFollowerOfMessages : public ALateFollower {
  protected:
-  ALateFollowerOfMessages() : ALateFollower(R"({"name": "receiver", "library": "receiver"})") {
+  explicit ALateFollowerOfMessages(
+      const std::string& receiver = R"({"name": "receiver", "library": "receiver"})")
+      : ALateFollower(receiver) {
     source_ = application_->components().back()->declared.publishers.front();
+  }
+
+  /// One whose activation began there at a time.
+  void add_key_frame_of(std::int64_t begin_ns) {
+    script_->add({.record = {.component = core_->index,
+                             .cause = Cause::kMode,
+                             .number = ++last_,
+                             .key = detail::to_key(LifeStep::kStart),
+                             .time_ns = kTheirBeginNs,
+                             .begin_ns = begin_ns},
+                  .reads = {{.read = {.activation = last_,
+                                      .kind = ReadKind::kFrameNumber,
+                                      .place = detail::DeclaredStates::kTimersBegan,
+                                      .value = static_cast<std::uint64_t>(kTheirBeginNs)}}}});
   }
 
   void publish(int count) {
@@ -317,6 +333,36 @@ TEST_F(ALateFollowerOfMessages, BeginsAtALaterKeyFrameIfAMessageOfAnEarlierOneDo
 
   EXPECT_EQ(found_, 1);
   EXPECT_EQ(script_->executed(), last_);
+}
+
+/// Its lane drops the newest messages.
+class ALateFollowerThatKeepsTheOldest : public ALateFollowerOfMessages {
+ protected:
+  ALateFollowerThatKeepsTheOldest()
+      : ALateFollowerOfMessages(R"({"name": "receiver", "library": "receiver",
+          "subscribers": {"numbers": {"overflow": "drop_newest"}}})") {}
+};
+
+TEST_F(ALateFollowerThatKeepsTheOldest, BeginsAfterTheGapThatItsStartHasLeft) {
+  publish(3);  // The third one is dropped, the first two wait.
+  add_key_frame_of(base::monotonic_ns());
+  add_message(1);
+  add_message(2);
+  add_message(3);
+  ask_to_start();
+  ask_to_begin_timers();
+  serve();
+  EXPECT_EQ(found_, 0);
+
+  publish(2);  // There is room again.
+  add_key_frame_of(base::monotonic_ns());
+  add_message(4);
+  add_message(5);
+  serve();
+
+  EXPECT_EQ(found_, 1);
+  EXPECT_EQ(script_->executed(), last_);
+  EXPECT_EQ(Receiver::received, (std::vector<std::int64_t>{4, 5}));
 }
 
 }  // namespace

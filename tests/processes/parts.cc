@@ -133,7 +133,7 @@ class Relay final : public fastcycle::Component {
 };
 
 /// Publishes the sum of all readings, and how many there were. With `drifts`, the sum is wrong in
-/// one of two processes.
+/// one of two processes; `resident_mb` of memory are touched and kept.
 class Accumulator final : public fastcycle::Component {
  public:
   explicit Accumulator(fastcycle::Context& context)
@@ -142,6 +142,12 @@ class Accumulator final : public fastcycle::Component {
         crash_at_(context.param<std::int64_t>("crash_at", {.fallback = 0})),
         stops_at_(context.param<std::int64_t>("stops_at", {.fallback = 0})),
         stops_once_(context.param<std::string>("stops_once", {.fallback = ""})),
+        resident_(
+            static_cast<std::size_t>(
+                context.param<std::int64_t>("resident_mb", {.fallback = 0, .min = 0, .max = 4096})
+                    .get())
+                << 20U,
+            'x'),
         sum_(context.state<Reading>("sum")),
         sums_(context.create_publisher<Reading>("sums")) {
     context.create_subscriber<Reading>("readings", {.depth = 200}, [this](const Reading& reading) {
@@ -178,6 +184,7 @@ class Accumulator final : public fastcycle::Component {
   fastcycle::Param<std::int64_t> crash_at_;
   fastcycle::Param<std::int64_t> stops_at_;
   fastcycle::Param<std::string> stops_once_;
+  std::string resident_;
   fastcycle::State<Reading> sum_;
   fastcycle::Publisher<Reading> sums_;
 };

@@ -6,6 +6,7 @@ What is judged is the log that the main process records: on TOPICS (comma betwee
 gap between two messages around a kill is shown beside the gaps of the time without kills. Of each kill: how long until the next message.
 """
 import argparse
+import bisect
 import json
 import os
 import pathlib
@@ -25,6 +26,9 @@ def messages_of(program, log, topic):
     shown = subprocess.run([program, "echo", str(log), topic, "--json"], capture_output=True, text=True, check=True)
     said = [json.loads(line) for line in shown.stdout.splitlines()]
     return [(int(one["sequence"]), one["publish_time_ns"] * 1e-9) for one in said]
+
+
+NEAR_S = 0.002  # The gap of a kill begins so long after it at most.
 
 
 class Over(Exception):
@@ -89,6 +93,7 @@ class Drive:
         moment = time.time()
         os.kill(process, signal.SIGSTOP if self.options.stop else signal.SIGKILL)
         self.is_awaiting = True
+        time.sleep(0.05)  # Leaves the CPUs to the takeover.
         self.await_standby(active, run + 1)
         self.is_awaiting = False
         self.moments.append(moment)  # Only now: before its end nothing is judged.
@@ -149,8 +154,14 @@ def add(its, messages, moments):
     its["messages"] += len(messages)
     its["missing"] += sum(b - a - 1 for a, b in zip(sequences, sequences[1:]) if b > a + 1)
     its["twice"] += sum(1 for a, b in zip(sequences, sequences[1:]) if b <= a)
-    for a, b in zip(times, times[1:]):
-        its["around" if any(a <= moment <= b for moment in moments) else "others"].append(b - a)
+    # The killed process may publish until the signal reaches it.
+    around = set()
+    for moment in moments:
+        near = [i for i in range(bisect.bisect_left(times, moment) - 1, bisect.bisect_left(times, moment + NEAR_S)) if 0 <= i < len(times) - 1]
+        if near:
+            around.add(max(near, key=lambda i: times[i + 1] - times[i]))
+    for i, (a, b) in enumerate(zip(times, times[1:])):
+        its["around" if i in around else "others"].append(b - a)
     its["firsts"] += [at - moment for moment in moments for at in [next((at for at in times if at >= moment), None)] if at]
 
 
@@ -158,7 +169,11 @@ def show(topic, its):
     print(f"{topic}: {its['messages']} messages, {its['missing']} missing, {its['twice']} twice")
     for name, words in (("around", "gap around a kill"), ("others", "other gaps"), ("firsts", "from a kill to the next message")):
         if its[name]:
-            print(f"  {words}: p50 {1e3 * statistics.median(its[name]):.3f} ms, max {1e3 * max(its[name]):.3f} ms")
+            print(f"  {words}: {shown_times(its[name])}")
+
+
+def shown_times(times):
+    return f"p50 {1e3 * statistics.median(times):.3f} ms, max {1e3 * max(times):.3f} ms" if times else "none"
 
 
 if __name__ == "__main__":
