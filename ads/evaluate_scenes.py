@@ -3,11 +3,11 @@
 
     evaluate_scenes.py FOLDER_OR_FILE ... [--fastcycle PROGRAM] [--jobs N] [--traffic replay|reactive] [--out DIR]
                        [--compare EARLIER.json] [--expect KNOWN.json] [--sensor-faults SEED] [--random-role SEED]
-                       [--random-transform SEED] [--shuffle SEED] [--seconds S] [--pages] [--limit-s S] [-- WORD ...]
+                       [--random-transform SEED] [--live] [--shuffle SEED] [--seconds S] [--pages] [--limit-s S] [-- WORD ...]
 
-Each scene is driven in simulated time and ends at the goal or after the goal's time (README of world). It is
-judged by evaluate_drive.py, from the scenario's file, the way that was driven, and, where traffic reacts, the places of all
-others as the world wrote them. The classes, the first that holds:
+Each scene is driven in simulated time, or with --live in real time, and ends at the goal or after the goal's time (README of
+world). It is judged by evaluate_drive.py, from the scenario's file, the way that was driven, and, where traffic reacts, the places
+of all others as the world wrote them. The classes, the first that holds:
 
   refused                     the application did not start, or failed; with the reason
   timeout                     the run took longer than LIMIT seconds of the computer's time
@@ -169,7 +169,7 @@ class Drives:
     def settings_of(self, scene):
         mark = hashlib.sha256(scene.read_bytes()).hexdigest()
         return {"scene": mark, "program": self.program, "traffic": self.options.traffic, "words": self.options.words,
-                "limit_s": self.options.limit_s, "has_page": self.options.pages, "sensor_faults": self.options.sensor_faults}  # fmt: skip
+                "limit_s": self.options.limit_s, "has_page": self.options.pages, "sensor_faults": self.options.sensor_faults, "is_live": self.options.live}  # fmt: skip
 
     def stop(self):
         with self.lock:
@@ -223,7 +223,7 @@ class Drives:
             components += [{"name": name, "params": values} for name, values in params.items()]
             settings_of_fault = {"faults": {"list": faults}}
         overlay.write_text(json.dumps({"components": components} | settings_of_fault))
-        words = [self.options.fastcycle, "run", self.options.application, "--overlay", overlay.name, "--clock", "simulated",
+        words = [self.options.fastcycle, "run", self.options.application, "--overlay", overlay.name, "--clock", "live" if self.options.live else "simulated",
                  "--quiet", "--var", f"scenario={scene}", "--var", "trajectory=way.csv", "--var", "bodies=bodies.csv", "--var",
                  f"traffic={self.options.traffic}", "--report", "report.json", *self.options.words]  # fmt: skip
         for old in ("report.json", "way.csv", "bodies.csv"):
@@ -436,11 +436,12 @@ def read_options(words):
     parser.add_argument("scenes", nargs="+", type=pathlib.Path, metavar="FOLDER_OR_FILE")
     parser.add_argument("--application", type=pathlib.Path, default=HERE / "ads.json", help="the application (ads.json beside this file)")
     parser.add_argument("--fastcycle", default="fastcycle", help="the program: fastcycle")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="number of parallel drives (that of CPUs)")
+    parser.add_argument("--jobs", type=int, help="number of parallel drives (that of CPUs)")
     parser.add_argument("--traffic", choices=list(HIT), default="replay", help="behavior of other road users (replay)")
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("scenes"), help="output folder (scenes)")
     parser.add_argument("--compare", type=pathlib.Path, metavar="EARLIER.json", help="report improvements and regressions since this file")
     parser.add_argument("--expect", type=pathlib.Path, metavar="KNOWN.json", help="fail if a scene ends in a worse class than in this file")
+    parser.add_argument("--live", action="store_true", help="drive in real time, with --jobs 1 unless given: whether this machine is fast enough")
     parser.add_argument("--sensor-faults", type=int, metavar="SEED", help="one sensor of each drive fails, as SEED determines")
     parser.add_argument("--random-role", type=int, metavar="SEED", help="drive as another vehicle of the traffic, which SEED determines")
     parser.add_argument("--random-transform", type=int, metavar="SEED", help="rotate, shift and mirror each scene, as SEED determines")
@@ -450,6 +451,7 @@ def read_options(words):
     parser.add_argument("--limit-s", type=float, default=300.0, help="time limit of a run, in s (300)")
     options = parser.parse_args(words[:own])
     options.words = words[own + 1 :]
+    options.jobs = options.jobs or (1 if options.live else os.cpu_count())
     options.application = options.application.resolve()
     options.out = options.out.resolve()
     if os.sep in options.fastcycle:
@@ -497,7 +499,7 @@ def main():
         drives.stop()
     pool.shutdown(wait=True, cancel_futures=True)
     entries.sort(key=lambda entry: entry["scene"])
-    result = {"program": drives.program, "traffic": options.traffic, "words": options.words, "sensor_faults": options.sensor_faults,
+    result = {"program": drives.program, "traffic": options.traffic, "words": options.words, "sensor_faults": options.sensor_faults, "is_live": options.live,
               "random_role": options.random_role, "random_transform": options.random_transform, "is_complete": len(entries) == len(scenes), "scenes": entries}  # fmt: skip
     new = options.out / "scenes.json.new"
     new.write_text(json.dumps(result, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

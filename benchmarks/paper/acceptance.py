@@ -80,14 +80,15 @@ def against_floor(
 
 
 def _of_sizes(data: Measurements) -> Iterable[Check]:
-    for size in data.sizes("latency"):
-        for what, key, limit in (
-            ("park p50 ≤ 1.05 × floor + 0.3 µs", "p50_us", lambda floor: 1.05 * floor + 0.3),
-            ("park p90 ≤ 1.15 × floor + 1 µs", "p90_us", lambda floor: 1.15 * floor + 1),
-            ("park p99 ≤ 1.15 × floor + 3 µs", "p99_us", lambda floor: 1.15 * floor + 3),
-            ("park sd ≤ 1.2 × floor", "std_us", lambda floor: 1.2 * floor),
-        ):
-            yield against_floor(data, what, "latency", PARK, FUTEX, size, key, limit)
+    for mode, words in (("latency", ""), ("slice", "receivers with time slices of 100 µs: ")):
+        for size in data.sizes(mode):
+            for what, key, limit in (
+                ("park p50 ≤ 1.05 × floor + 0.3 µs", "p50_us", lambda floor: 1.05 * floor + 0.3),
+                ("park p90 ≤ 1.15 × floor + 1 µs", "p90_us", lambda floor: 1.15 * floor + 1),
+                ("park p99 ≤ 1.15 × floor + 3 µs", "p99_us", lambda floor: 1.15 * floor + 3),
+                ("park sd ≤ 1.2 × floor", "std_us", lambda floor: 1.2 * floor),
+            ):
+                yield against_floor(data, words + what, mode, PARK, FUTEX, size, key, limit)
     for size in data.sizes("latency"):
         yield against_floor(data, "spin p50 ≤ max(0.3 µs, 1.5 × spinning floor)", "latency", SPIN, SPIN_FLOOR,
                             size, "p50_us", lambda floor: max(0.3, 1.5 * floor))  # fmt: skip

@@ -10,12 +10,12 @@ from contenders import FLOORS, OWN, Contender
 PAPER_SIZES = (32 << 10, 128 << 10, 512 << 10, 1 << 20, 4 << 20)
 # Modes of `fastcycle bench` beside latency and rtt, and what is called with further options. Each is one
 # call a round, with its own defaults.
-OWN_MODES = ("flood", "fanout", "timer", "chain", "startup", "fifo", "fifo-load", "startup-large")
+OWN_MODES = ("flood", "fanout", "timer", "chain", "startup", "slice", "fifo", "fifo-load", "startup-large")
 PEER_MODES = ("latency", "rtt", "flood")
 FLOOD_SIZE = 64
 FLOOD_COUNT = 300_000
 OWN_MODE_S = {"flood": 6.0, "fanout": 18.0, "timer": 12.0, "chain": 30.0, "startup": 16.0,
-              "fifo": 12.0, "fifo-load": 12.0, "startup-large": 6.0}  # fmt: skip
+              "slice": 24.0, "fifo": 12.0, "fifo-load": 12.0, "startup-large": 6.0}  # fmt: skip
 # What says the same in each round, or is judged by no bound, is measured in every third.
 SPARSE_MODES = ("fanout", "chain", "startup", "startup-large")
 SPARSE_STEP = 3

@@ -66,6 +66,7 @@ class Report:
             self._paper_tables(),
             self._tails(),
             self._flood(),
+            self._slices(),
             self._under_load(),
             self._own_modes(),
             self._table_three(),
@@ -187,6 +188,19 @@ From publish to the first statement of the callback, mean ± standard deviation.
             return ""
         size = name_of_size(self._data.of_mode("flood")[0].get("size", 0))
         return f"## Flood\n\nMessages of {size} as fast as possible; nothing was lost unless shown.\n\n{tables.flood_table(self._data, self._field)}"
+
+    def _slices(self) -> str:
+        columns = [("p50", "slice", "p50_us"), ("p90", "slice", "p90_us"), ("p99", "slice", "p99_us"), ("sd", "slice", "std_us")]
+        parts = [
+            f"### At {name_of_size(size)}\n\n{tables.columns_table(self._data, self._field, size, columns)}"
+            for size in _ends(self._data.sizes("slice"))
+        ]
+        if not parts:
+            return ""
+        return (
+            "## Time slices\n\nLatency where receivers have time slices of 100 µs, so that they preempt their senders "
+            "([guide](../../../docs/guides/real_time.md#time-slices)).\n\n" + "\n".join(parts)
+        )
 
     def _under_load(self) -> str:
         columns = [

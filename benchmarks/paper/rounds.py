@@ -28,7 +28,7 @@ def enough(key: str, count: int) -> bool:
 
 
 # In these modes a message follows each interval, and is over before the next one unless the queue fills.
-PACED_MODES = ("latency", "rtt", "fifo", "fifo-load")
+PACED_MODES = ("latency", "rtt", "slice", "fifo", "fifo-load")
 
 
 def is_saturated(row: Row) -> bool:

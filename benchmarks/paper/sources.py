@@ -28,13 +28,14 @@ QUICK = {
 
 # What stands for a mode of `fastcycle bench` with further options.
 VARIANTS = {
+    "slice": ["latency", "--slice-us", "100"],
     "fifo": ["latency", "--size", "32K", "--fifo"],
     "fifo-load": ["latency", "--size", "32K", "--fifo", "--load", str(len(os.sched_getaffinity(0)))],
     "startup-large": ["startup", "--components", "200", "--topics", "2000", "--for", "1s"],
 }
 # Nine rounds of these are the 50,000 messages that p99.9 needs.
-COUNTS = {"fifo": ["--count", "5600"], "fifo-load": ["--count", "5600"]}
-QUICK |= {"fifo": ["--count", "50", "--warmup", "10"], "fifo-load": ["--count", "50", "--warmup", "10"]}
+COUNTS = {"slice": ["--count", "1500"], "fifo": ["--count", "5600"], "fifo-load": ["--count", "5600"]}
+QUICK |= {"slice": ["--count", "50", "--warmup", "10"], "fifo": ["--count", "50", "--warmup", "10"], "fifo-load": ["--count", "50", "--warmup", "10"]}
 
 
 class Failed(Exception):

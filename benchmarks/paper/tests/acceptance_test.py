@@ -135,6 +135,12 @@ class Acceptance(unittest.TestCase):
         rows[1]["policy"] = "other"
         self.assertEqual(checks(rows)[what].note, "without the right to FIFO: other")
 
+    def test_receivers_with_time_slices_are_compared_with_floors_that_have_them(self):
+        what = ("receivers with time slices of 100 µs: park p50 ≤ 1.05 × floor + 0.3 µs", SIZE)
+        for p50, verdict in ((4.5, HELD), (4.51, NOT_HELD)):
+            rows = [support.latency_row(who, n, mode="slice", p50=value) for n in range(1, 11) for who, value in (("floor-futex", 4.0), (PARK, p50))]
+            self.assertEqual(checks(rows)[what].verdict, verdict)
+
     def test_a_timer_is_compared_with_a_bare_one(self):
         rows = [support.latency_row("floor-timer", mode="timer", size=0),
                 support.latency_row(PARK, mode="timer", size=0, p50=11.9, p99_us=12.1)]  # fmt: skip
