@@ -34,7 +34,7 @@ class Tuning(unittest.TestCase):
         self.assertIn("namespace ads {", header)
         self.assertIn("/// When\n  /// by hand\n  double after_s = 0.5;", header)
         self.assertIn("int tries = 3;", header)
-        self.assertIn("/// How high\n  /// a data sheet\n  float high_m = 0.25F;", header)
+        self.assertIn("/// How high\n  /// a data sheet\n  float high_m = static_cast<float>(0.25);", header)
         self.assertIn("std::array<double, 2> brakings_mps2 = {2.0,4.5};", header)
         self.assertIn("} kHardStop;", header)
 
@@ -50,6 +50,16 @@ class Tuning(unittest.TestCase):
 
     def test_refuses_what_is_no_number(self):
         self.assertIn("after_s: expected a number", entry('"after_s": {"value": "soon", "meaning": "When"}'))
+
+        self.assertIn("after_s: expected a number", entry('"after_s": {"value": ["soon"], "meaning": "When"}'))
+
+    def test_names_what_is_no_object(self):
+        self.assertIn("hard_stop: after_s: expected an object", entry('"after_s": 0.5'))
+        self.assertIn("brake/tuning.json: hard_stop: expected an object", make('{"namespace": "ads", "hard_stop": 5}'))
+        self.assertIn("brake/tuning.json: expected an object", make("[]"))
+
+    def test_knows_no_type_but_float(self):
+        self.assertIn('found "int64"', entry('"tries": {"value": 3, "type": "int64", "meaning": "How often"}'))
 
     def test_refuses_unknown_fields(self):
         self.assertIn("after_s: unknown field 'sorce'", entry('"after_s": {"value": 1, "meaning": "When", "sorce": ""}'))

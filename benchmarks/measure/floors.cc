@@ -155,7 +155,7 @@ void set_up_thread(const Plan& plan) noexcept {
 
 void set_up_receiver(const Plan& plan) noexcept {
   set_up_thread(plan);
-  if (plan.slice_us == 0 || plan.is_fifo) {
+  if (plan.slice_us == 0) {
     return;
   }
   // Of sched_setattr, which the C library does not have; see sched(7).

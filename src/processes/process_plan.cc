@@ -21,8 +21,8 @@ constexpr std::size_t kMaxDepth = 16'384;
 /// a callback.
 constexpr std::size_t kSpare = 8;
 /// Minimum depth for a component that is, or was, on standby.
-constexpr std::size_t kDepthOfStandby = 16;
-constexpr std::size_t kDepthOfSmallOfStandby = 256;
+constexpr std::size_t kDepthOfStandbyIfLarge = 16;  // While more than 16 MiB are out.
+constexpr std::size_t kDepthOfStandby = 256;
 
 }  // namespace
 
@@ -339,8 +339,8 @@ void ProcessPlan::add_link(const host::ApplicationWiring::Publisher& publisher, 
   if (is_followed_there) {
     // A follower lags behind, and must not lose what the primary still takes: most of all while it
     // makes its component's object.
-    depth_of_large = std::max(2 * depth, kDepthOfStandby);
-    depth = std::max(2 * depth, kDepthOfSmallOfStandby);
+    depth_of_large = std::max(2 * depth, kDepthOfStandbyIfLarge);
+    depth = std::max(2 * depth, kDepthOfStandby);
     keep += 2 * depth;
   }
   const auto place_in = [&](ProcessIndex process, const std::string& name) {

@@ -474,6 +474,7 @@ TEST_F(Bench, WrongWordsSayWhatIsRight) {
       {{"startup", "--for", "10"}, "with its unit"},
       {{"timer", "--clock", "sundial"}, "--clock is"},
       {{"timer", "--clock", "simulated", "--fifo"}, "does not measure time"},
+      {{"latency", "--slice-us", "100", "--fifo"}, "--slice-us has no effect with --fifo"},
       {{"latency", "--slice-us", "99"}, "--slice-us expects a number from 100 to 100000, not 99"},
       {{"timer", "--clock", "simulated", "--wait", "park"}, "--wait means nothing"},
       {{"fanout", "--floors", "all"}, "it is for chain"},

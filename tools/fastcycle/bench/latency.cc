@@ -29,7 +29,7 @@ Json latency_application(const Options& options, std::int64_t size, const std::s
   }
   write_samples_to(is_rtt ? its_source : its_sink, folder);
   Json subscriber = executor(options, "subscriber", wait, 0);
-  if (options.slice_us != 0 && !options.is_fifo) {
+  if (options.slice_us != 0) {
     subscriber["slice_us"] = options.slice_us;
   }
   return application(

@@ -271,6 +271,9 @@ int usable_cpus() {
 std::string find_contradiction(const Options& options) {
   const bool spins =
       std::find(options.waits.begin(), options.waits.end(), "spin") != options.waits.end();
+  if (options.is_fifo && options.slice_us != 0) {
+    return "--slice-us has no effect with --fifo, whose threads have no time slices";
+  }
   if (options.is_fifo && spins && usable_cpus() < 3) {
     return "--fifo with --wait spin occupies two CPUs, and none remains on this machine; use only "
            "one of these options";
