@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <span>
 
+#include "base/prefetch.h"
+
 namespace fastcycle::base {
 
 /// A word in memory that other processes write too, and the value that was read: a sleeper returns
@@ -64,8 +66,8 @@ class Sleepers {
 
   /// Prefetches what `wake_one` will write.
   void prepare_wake() const noexcept {
-    __builtin_prefetch(&sleeping_, 1);
-    __builtin_prefetch(&slots_[0], 1);
+    prefetch_for_writing(&sleeping_);
+    prefetch_for_writing(&slots_[0]);
   }
 
   /// Wakes worker `index` if it sleeps.

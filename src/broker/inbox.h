@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/prefetch.h"
 #include "broker/lane.h"
 #include "broker/shared_bit.h"
 
@@ -122,7 +123,7 @@ class Inbox {
 
   /// Prefetches what `mark` and the wake after it will write.
   void prepare_mark() noexcept {
-    __builtin_prefetch(&state_, 1);
+    base::prefetch_for_writing(&state_);
     queue_->prepare(index_);
   }
 
@@ -135,7 +136,7 @@ class Inbox {
 
   /// Prefetches what a turn will read first. Only by the one worker that may serve the component.
   void prepare_serve() const noexcept {
-    __builtin_prefetch(&state_, 1);
+    base::prefetch_for_writing(&state_);
     for (const Lane* lane : few_lanes_) {
       if (lane != nullptr) {
         lane->prepare_peek();

@@ -8,6 +8,7 @@
 #include <memory>
 #include <utility>
 
+#include "base/prefetch.h"
 #include "fastcycle/detail/envelope.h"
 #include "fastcycle/subscriber.h"
 
@@ -209,7 +210,7 @@ class Lane {
 
   /// Prefetches what the next push writes.
   void prepare_push() const noexcept {
-    __builtin_prefetch(&slots_[tail_.load(std::memory_order_relaxed) & mask_], 1);
+    base::prefetch_for_writing(&slots_[tail_.load(std::memory_order_relaxed) & mask_]);
   }
   /// Prefetches what the next `peek` reads.
   void prepare_peek() const noexcept {
@@ -309,8 +310,8 @@ class Lane {
       __builtin_prefetch(next.payload.load(std::memory_order_relaxed));
       const auto* envelope =
           reinterpret_cast<const char*>(envelope_of(next.envelope.load(std::memory_order_relaxed)));
-      __builtin_prefetch(envelope, 1);
-      __builtin_prefetch(envelope + 64, 1);
+      base::prefetch_for_writing(envelope);
+      base::prefetch_for_writing(envelope + 64);
     }
   }
 

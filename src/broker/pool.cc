@@ -9,6 +9,7 @@
 
 #include <malloc.h>
 
+#include "base/prefetch.h"
 #include "base/shared_memory.h"
 
 namespace fastcycle::detail {
@@ -243,10 +244,10 @@ void Pool::prepare_following() const noexcept {
   if (free_ == nullptr) {
     return;
   }
-  __builtin_prefetch(free_->own, 1);
+  base::prefetch_for_writing(free_->own);
   const auto* second = reinterpret_cast<const char*>(free_->next);
-  __builtin_prefetch(second, 1);
-  __builtin_prefetch(second + 64, 1);
+  base::prefetch_for_writing(second);
+  base::prefetch_for_writing(second + 64);
 }
 
 void Pool::collect() noexcept {

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "base/prefetch.h"
 #include "base/shared_memory.h"
 #include "broker/activation_check.h"
 #include "broker/topic.h"
@@ -223,7 +224,7 @@ Envelope* PublisherCore::loan(bool is_cleared) {
     }
   }
   Envelope* envelope = take_from(*pool_, scratch_loans_);
-  __builtin_prefetch(&envelope->info, 1);
+  base::prefetch_for_writing(&envelope->info);
   ++loans_;
   if (is_cleared) {
     envelope->own->Clear();

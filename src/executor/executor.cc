@@ -7,6 +7,7 @@
 
 #include <sched.h>
 
+#include "base/prefetch.h"
 #include "executor/activation.h"
 #include "fastcycle/assert.h"
 
@@ -98,7 +99,7 @@ void Executor::wake() noexcept {
 
 void Executor::prepare(std::uint32_t index) noexcept {
   if (options_.wait == WaitMode::kPark) {  // A spinning worker would only ask for the line back.
-    __builtin_prefetch(&ready_[index / 64], 1);
+    base::prefetch_for_writing(&ready_[index / 64]);
   }
   sleepers_.prepare_wake();
 }
