@@ -33,4 +33,4 @@ def table(
     if has_text_last:
         rule[-1] = "---"
     every = [list(header), rule, *[[cell.replace("|", "\\|") for cell in line] for line in lines]]
-    return "\n".join("| " + " | ".join(line) + " |" for line in every) + "\n"
+    return "\n".join(f"|{'|'.join(line)}|" for line in every) + "\n"
