@@ -14,6 +14,11 @@ constexpr double kDirection_rad = 0.5;
 constexpr double kStep_m = 0.5;
 // On so much of its way the vehicle turned from the lane's direction to its own.
 constexpr double kTurn_m = 20.0;
+// With more than this curvature at the end of the way, its last part is straight instead: the
+// wheels would jump with the first step of the scenario, and a plan made before would follow them.
+constexpr double kSteered_per_m = 0.08;
+constexpr double kStraightShare = 0.2;
+constexpr double kTightTurn_m = 10.0;
 constexpr std::size_t kLanesMax = 100;
 
 std::optional<Polyline> centre_of(const std::vector<const Lanelet*>& lanelets) {
@@ -97,18 +102,33 @@ LeadIn::LeadIn(const Scenario& scenario, const ScenarioState& initial, double to
   if (!centre || length_m < kStep_m) {
     return;
   }
-  const Eigen::Vector2d end = initial.position_m - to_rear_m * direction(initial_.heading_rad);
-  const Polyline::Projection place = centre->project(end);
+  way_ = way_along(*centre, length_m, 0.0);
+  if (std::abs(way_->curvature_at(way_->length_m() - kStep_m)) > kSteered_per_m) {
+    way_ = way_along(*centre, length_m, kStraightShare * length_m);
+  }
+}
+
+Polyline LeadIn::way_along(const Polyline& centre, double length_m, double straight_m) const {
+  const Eigen::Vector2d forward = direction(initial_.heading_rad);
+  const Eigen::Vector2d end = initial_.center_m - to_rear_m_ * forward;
+  const double lane_offset_m = centre.project(end).offset_m;
+  const Polyline::Projection place = centre.project(end - straight_m * forward);
+  const double aside_m = place.offset_m - lane_offset_m;
   const double slant =
-      std::tan(normalize_angle(initial_.heading_rad - centre->heading_at(place.along_m)));
-  std::vector<Eigen::Vector2d> points = {end};
-  for (double before_m = kStep_m; before_m < length_m + kStep_m; before_m += kStep_m) {
-    const double fading = std::max(0.0, 1.0 - before_m / kTurn_m);
-    const double offset_m = place.offset_m - slant * before_m * fading * fading;
-    points.push_back(centre->point_at(place.along_m - before_m, offset_m));
+      std::tan(normalize_angle(initial_.heading_rad - centre.heading_at(place.along_m)));
+  const double turn_m = straight_m > 0.0 ? kTightTurn_m : kTurn_m;
+  std::vector<Eigen::Vector2d> points;
+  for (double before_m = 0.0; before_m < straight_m; before_m += kStep_m) {
+    points.emplace_back(end - before_m * forward);
+  }
+  points.emplace_back(end - straight_m * forward);
+  for (double before_m = kStep_m; before_m < length_m - straight_m + kStep_m; before_m += kStep_m) {
+    const double fading = std::max(0.0, 1.0 - before_m / turn_m);
+    const double offset_m = lane_offset_m + aside_m * fading - slant * before_m * fading * fading;
+    points.push_back(centre.point_at(place.along_m - before_m, offset_m));
   }
   std::ranges::reverse(points);
-  way_.emplace(points);
+  return Polyline(points);
 }
 
 LeadIn::Pose LeadIn::at(double before_m) const {

@@ -11,7 +11,8 @@ namespace ads {
 
 /// The path on which a vehicle reached the initial state of a scenario, which does not contain it:
 /// back along its lane, at its offset from the lane's centre, as the path of the rear axle. If it
-/// is on no lane with about its direction, and beyond the map, the path is straight.
+/// is on no lane with about its direction, and beyond the map, the path is straight; so is the last
+/// fifth of one that would end in a tight bend.
 ///
 /// @threads  Immutable.
 class LeadIn {
@@ -30,6 +31,10 @@ class LeadIn {
   [[nodiscard]] Pose at(double before_m) const;
 
  private:
+  /// Its last `straight_m` are straight.
+  [[nodiscard]] Polyline way_along(const Polyline& centre, double length_m,
+                                   double straight_m) const;
+
   Pose initial_;
   double to_rear_m_;
   std::optional<Polyline> way_;  // Of the rear axle, to the initial state.

@@ -22,15 +22,15 @@ void add_lane(Scenario& scenario, std::int64_t id, const std::vector<Eigen::Vect
   scenario.lanelets[id] = std::move(lanelet);
 }
 
-// Along +x to the origin, then a quarter of a circle to the left, 20 m wide.
-Scenario bend() {
+// Along +x to the origin, then a quarter of a circle to the left.
+Scenario bend(double radius_m = 20.0) {
   Scenario scenario;
   add_lane(scenario, 1, {{-40.0, 0.0}, {0.0, 0.0}}, {0.0, 0.0});
   std::vector<Eigen::Vector2d> points;
   std::vector<double> headings;
   for (int step = 0; step <= 30; ++step) {
     const double turn = std::numbers::pi / 2.0 * step / 30.0;
-    points.emplace_back(20.0 * std::sin(turn), 20.0 * (1.0 - std::cos(turn)));
+    points.emplace_back(radius_m * std::sin(turn), radius_m * (1.0 - std::cos(turn)));
     headings.push_back(turn);
   }
   add_lane(scenario, 2, points, headings);
@@ -58,6 +58,16 @@ TEST(LeadIn, VehicleComesAlongItsLane) {
   EXPECT_NEAR(way.at(10.0).curvature_per_m, 1.0 / 20.0, 0.02);
   EXPECT_NEAR(way.at(40.0).heading_rad, 0.0, 0.02);
   EXPECT_NEAR(way.at(40.0).center_m.y(), 0.0, 0.2);
+}
+
+TEST(LeadIn, WheelsAreStraightBeforeAnInitialStateInATightBend) {
+  ScenarioState initial = in_bend(1.0);
+  initial.position_m *= 0.3;
+  const LeadIn way(bend(6.0), initial, kToRear_m, 10.0);
+  EXPECT_NEAR(way.at(1.0).curvature_per_m, 0.0, 1e-9);
+  EXPECT_NEAR(way.at(1.0).heading_rad, 1.0, 1e-9);
+  EXPECT_GT(way.at(4.0).curvature_per_m, 0.1);
+  EXPECT_NEAR(way.at(10.0).center_m.y(), 0.0, 1.75 - 0.5);  // On its lane.
 }
 
 TEST(LeadIn, RearAxleGoesWhereItPoints) {
