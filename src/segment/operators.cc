@@ -4,6 +4,7 @@
 // runtime of a sanitizer, or libstdc++, precedes it. All forms are defined: a missing one would be
 // the runtime's, whose memory this cannot free.
 
+#include <cstdint>
 #include <cstdlib>
 #include <new>
 
@@ -26,7 +27,11 @@ void* allocate_or_null(std::size_t size, std::size_t alignment) noexcept {
   if (alignment <= kUsualAlignment) {
     return std::malloc(size == 0 ? 1 : size);
   }
-  return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+  if (size > SIZE_MAX - alignment) {
+    return nullptr;
+  }
+  const std::size_t needed = size == 0 ? 1 : size;
+  return std::aligned_alloc(alignment, (needed + alignment - 1) / alignment * alignment);
 }
 
 void* allocate(std::size_t size, std::size_t alignment) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <new>
 #include <random>
 #include <utility>
 #include <vector>
@@ -73,6 +74,21 @@ TEST_F(ASegmentHeap, GivesNoByteToTwo) {
       blocks.emplace_back(static_cast<unsigned char*>(block), size);
     }
   }
+}
+
+// Of the program's operators, which this test program is linked with too.
+TEST(OperatorNew, GivesAlignedMemoryOfNoBytesAndRefusesMoreThanThereIs) {
+  constexpr std::align_val_t kAlignment{64};
+  const volatile std::size_t none = 0;
+  void* const empty = ::operator new(none, kAlignment);
+  EXPECT_NE(empty, nullptr);
+  ::operator delete(empty, kAlignment);
+
+  const volatile std::size_t too_many = SIZE_MAX - 8;
+  EXPECT_EQ(::operator new(too_many, kAlignment, std::nothrow), nullptr);
+  void* volatile given = nullptr;  // Or the compiler leaves the call out.
+  EXPECT_THROW(given = ::operator new(too_many, kAlignment), std::bad_alloc);
+  EXPECT_EQ(given, nullptr);
 }
 
 }  // namespace
