@@ -10,9 +10,8 @@ const char* const kAbsentCommands =
     "commands.\n";
 
 std::vector<Command> add_commands(CLI::App& program) {
-  return {add_run(program),    add_record(program), add_play(program), add_check(program),
-          add_graph(program),  add_params(program), add_info(program), add_render(program),
-          add_verify(program), add_version(program)};
+  return {add_run(program),    add_play(program),   add_graph(program),
+          add_render(program), add_verify(program), add_version(program)};
 }
 
 }  // namespace fastcycle::tool

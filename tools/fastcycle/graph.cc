@@ -16,10 +16,7 @@
 #include "base/output_file.h"
 #include "command.h"
 #include "configuration.h"
-#include "duration.h"
 #include "live/graph.h"
-#include "live/session.h"
-#include "option_values.h"
 #include "print.h"
 #include "report_file.h"
 
@@ -31,9 +28,7 @@ using Inputs = std::vector<std::filesystem::path>;
 struct GraphOptions {
   Configuration configuration;
   std::filesystem::path output;
-  bool is_live = false;
-  live::Target target;
-  std::string span = "1s";
+  live::GraphOptions live;
 };
 
 /// `dot -Tsvg input > output`. Returns why that failed, or nothing.
@@ -98,19 +93,7 @@ int write_graph(const std::string& dot, const std::filesystem::path& output,
   return kDone;
 }
 
-int graph(const GraphOptions& options, const CLI::App& line) {
-  const std::filesystem::path extension = options.output.extension();
-  if (!options.output.empty() && extension != ".svg" && extension != ".dot") {
-    print_to(stderr, "fastcycle graph: -o expects a name that ends in .svg or .dot, not {}\n",
-             options.output.string());
-    return kWrong;
-  }
-  if (options.is_live) {
-    live::require_live_only(line, {"app", "output", "over"});
-    return write_graph(live::graph_of(options.target, *parse_duration(options.span)),
-                       options.output);
-  }
-  live::require_file(line);
+int graph_of_file(const GraphOptions& options) {
   const std::unique_ptr<host::Application> application = options.configuration.make_unstarted();
   if (!application) {
     return kWrong;
@@ -118,6 +101,18 @@ int graph(const GraphOptions& options, const CLI::App& line) {
   Inputs inputs = options.configuration.load.overlays;
   inputs.push_back(options.configuration.load.file);
   return write_graph(host::to_dot(*application), options.output, inputs);
+}
+
+int graph(const GraphOptions& options, const CLI::App& line) {
+  const std::filesystem::path extension = options.output.extension();
+  if (!options.output.empty() && extension != ".svg" && extension != ".dot") {
+    print_to(stderr, "fastcycle graph: -o expects a name that ends in .svg or .dot, not {}\n",
+             options.output.string());
+    return kWrong;
+  }
+  return options.live.run(
+      line, [&] { return graph_of_file(options); },
+      [&](const std::string& dot) { return write_graph(dot, options.output); });
 }
 
 }  // namespace
@@ -137,15 +132,8 @@ Command add_graph(CLI::App& program) {
   line->add_option("-o,--output", options->output,
                    "Output: FILE.svg (requires Graphviz) or FILE.dot (DOT to standard output)")
       ->type_name("FILE");
-  line->get_option("application")->required(false);  // Not with --live.
-  line->add_flag("--live", options->is_live, "Draw a running application, with its measurements");
-  options->target.add_application_to(*line);
-  line->add_option("--over", options->span, "With --live: time over which rates are measured (1s)")
-      ->check(is_time())
-      ->type_name("TIME");
-  return {line, [line, options] {
-            return live::guarded("graph", [&] { return graph(*options, *line); });
-          }};
+  options->live.add_to(*line);
+  return {line, [line, options] { return graph(*options, *line); }};
 }
 
 }  // namespace fastcycle::tool

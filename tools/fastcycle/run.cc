@@ -1,3 +1,5 @@
+#include "run.h"
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -22,76 +24,47 @@
 #include "base/log_level.h"
 #include "base/printable.h"
 #include "command.h"
-#include "configuration.h"
 #include "duration.h"
 #include "end_bound.h"
 #include "fastcycle/version.h"
-#include "flight_options.h"
 #include "following.h"
 #include "host/application_wiring.h"
 #include "host/diagnosis.h"
 #include "host/pace.h"
 #include "host/prepare_replay.h"
 #include "host/recording.h"
-#include "inspect/refusal.h"
-#include "inspect/server.h"
-#include "inspect_options.h"
-#include "live/record.h"
-#include "live_options.h"
 #include "loading/component_library.h"
 #include "loading/protection.h"
 #include "option_values.h"
-#include "page.h"
 #include "print.h"
 #include "processes/partition.h"
 #include "processes/process_plan.h"
 #include "processes/supervisor.h"
 #include "progress_line.h"
-#include "recording_options.h"
-#include "replaying_options.h"
 #include "report/report.h"
 #include "report/report_parts.h"
 #include "report_file.h"
+#include "run_observers.h"
 #include "sandbox/refusals.h"
 #include "sandbox/sandbox.h"
 #include "service_manager.h"
 #include "stop_signals.h"
 #include "terminal_keys.h"
 #include "terminal_modes.h"
-#include "trace/tracer.h"
-#include "tracing_options.h"
-#include "web/server.h"
 
 namespace fastcycle::tool {
-namespace {
 
-struct RunOptions {
-  const char* command = "run";
-  Configuration configuration;
-  std::string limit;
-  std::string clock = "live";
-  std::optional<double> rate;
-  std::optional<unsigned> workers;
-  bool is_strict = false;
-  bool fails_on_fault = false;
-  bool is_debuggable = false;
-  bool is_quiet = false;
-  std::string log_level;
-  std::filesystem::path report;
-  RecordingOptions record;
-  FlightOptions flight_recorder;
-  InspectOptions inspect;
-  LiveOptions live;
-  TracingOptions trace;
-  ReplayingOptions replay;
-  bool is_played = false;  ///< Simulated time at the pace of the wall, with keys.
-  double play_rate = 1.0;
-};
+std::vector<std::filesystem::path> inputs_of(const RunOptions& options) {
+  std::vector<std::filesystem::path> inputs = options.configuration.load.overlays;
+  inputs.push_back(options.configuration.load.file);
+  inputs.insert(inputs.end(), options.replay.files.begin(), options.replay.files.end());
+  return inputs;
+}
+
+namespace {
 
 constexpr unsigned kMaxWorkers = 64;
 constexpr std::chrono::seconds kStartLimit{10};  ///< For all starts, in addition to --for.
-constexpr double kMinRate = 1e-3;
-constexpr double kMaxRate = 1e3;
 
 /// Reports options that contradict each other; empty if none do.
 std::string find_wrong(const RunOptions& options) {
@@ -128,13 +101,6 @@ std::string find_wrong(const RunOptions& options) {
 }
 
 /// The files that are read, none of which may be written.
-std::vector<std::filesystem::path> inputs_of(const RunOptions& options) {
-  std::vector<std::filesystem::path> inputs = options.configuration.load.overlays;
-  inputs.push_back(options.configuration.load.file);
-  inputs.insert(inputs.end(), options.replay.files.begin(), options.replay.files.end());
-  return inputs;
-}
-
 host::ClockOptions clock_of(const RunOptions& options) {
   return {.is_simulated = options.clock == "simulated",
           .rate = options.rate.value_or(1.0),
@@ -175,45 +141,6 @@ void obey(char key, host::WallPace& pace, host::Application& application) {
       break;
   }
 }
-
-/// Lets browsers and Foxglove pause what is played, and set its rate.
-class PlayControl final : public inspect::PlaybackControl {
- public:
-  PlayControl(host::WallPace& pace, const host::Application& application,
-              const host::Replay& replay)
-      : pace_(pace), application_(application), replay_(replay) {}
-
-  void obey(const inspect::protocol::ControlPlayback& control) override {
-    using Control = inspect::protocol::ControlPlayback;
-    if (control.has_seek()) {
-      throw inspect::Refusal(inspect::protocol::Error::KIND_REFUSED,
-                             "the recording is played into components, which cannot seek",
-                             "use fastcycle view LOG to show a recording and seek in it");
-    }
-    if (control.speed() > 0) {
-      pace_.set_rate(std::clamp(control.speed(), kMinRate, kMaxRate));
-    }
-    if (control.command() != Control::COMMAND_NONE) {
-      pace_.set_paused(control.command() == Control::COMMAND_PAUSE);
-    }
-  }
-
-  [[nodiscard]] inspect::protocol::Playback state() const override {
-    using Playback = inspect::protocol::Playback;
-    Playback playback;
-    playback.set_status(pace_.is_paused() ? Playback::STATUS_PAUSED : Playback::STATUS_PLAYING);
-    playback.set_now_ns(base::to_ns(application_.clock().now()));
-    playback.set_speed(pace_.rate());
-    playback.set_begin_ns(base::to_ns(replay_.begin()));
-    playback.set_end_ns(base::to_ns(replay_.begin() + replay_.length()));
-    return playback;
-  }
-
- private:
-  host::WallPace& pace_;
-  const host::Application& application_;
-  const host::Replay& replay_;
-};
 
 /// "   paused", "   2 times as fast"
 std::string text_of(const host::WallPace& pace) {
@@ -403,38 +330,6 @@ std::string to_text(const nlohmann::ordered_json& json) {
          "\n";
 }
 
-/// The result of a trace, for the report.
-nlohmann::ordered_json json_of(const trace::TraceReport& trace) {
-  return {{"file", trace.file},
-          {"problem", trace.problem},
-          {"bytes", trace.bytes},
-          {"slices", trace.slices},
-          {"flows", trace.flows},
-          {"instants", trace.instants},
-          {"samples", trace.samples},
-          {"lost",
-           {{"activations", trace.activations_lost},
-            {"events", trace.events_lost},
-            {"notes", trace.notes_lost}}}};
-}
-
-/// The same for people.
-std::string text_of(const trace::TraceReport& trace) {
-  std::string text = fmt::format("\nTRACED {} activations, {} flows, {:.1f} MB, {}\n  {}\n",
-                                 trace.slices, trace.flows, static_cast<double>(trace.bytes) / 1e6,
-                                 trace.lost() == 0 ? "nothing lost" : "with losses", trace.file);
-  if (!trace.problem.empty()) {
-    text += "  incomplete: " + trace.problem + "\n";
-  }
-  if (trace.lost() > 0) {
-    text += fmt::format(
-        "  lost: {} activations that exceeded the rate, {} events without space, {} drops and "
-        "faults\n",
-        trace.activations_lost, trace.events_lost, trace.notes_lost);
-  }
-  return text;
-}
-
 /// The trial has reported the warnings.
 config::Problems without_warnings(const config::Problems& problems) {
   config::Problems errors;
@@ -485,12 +380,9 @@ int run_application(const config::ApplicationDescription& description,
     classes = replay.get();
   }
   host::WallPace pace(options.play_rate);
-  std::optional<PlayControl> play_control;    // Outlives its callers.
-  std::optional<inspect::Server> inspection;  // Outlives what it looks at.
-  std::optional<web::Server> live_server;
-  std::unique_ptr<trace::Tracer> tracer;
-  if (const auto asked = options.trace.describe(description); asked && is_main) {
-    tracer = std::make_unique<trace::Tracer>(*asked, inputs_of(options));
+  std::optional<RunObservers> observers;
+  if (is_main) {
+    observers.emplace(options, description);
   }
   EndBound end_bound(description, options.command, &TerminalModes::give_back);
   host::ClockOptions clock = clock_of(options);
@@ -502,32 +394,10 @@ int run_application(const config::ApplicationDescription& description,
   if (role != nullptr) {
     application.set_peers(role->partition);
   }
-  const auto shown = is_main ? options.live.describe(description) : std::nullopt;
-  if (const bool is_wanted = is_main && options.inspect.is_wanted(description);
-      is_wanted || shown) {
-    // Without a folder no tool finds it: it is there for the live server alone.
-    inspection.emplace(application, options.inspect.describe(description),
-                       is_wanted ? inspect::socket_folder() : std::filesystem::path());
-    application.add(*inspection);  // Before the tools that record what it publishes.
-    if (options.is_played && replay != nullptr) {
-      inspection->offer(play_control.emplace(pace, application, *replay));
-    }
-    if (plan != nullptr) {
-      inspection->offer("followers", [&application] {
-        return fmt::format("{{\"followers\": [{}]}}",
-                           fmt::join(application.follower_news().all(), ", "));
-      });
-    }
-    if (!description.chains.empty()) {
-      inspection->offer("chains", [&application] {
-        return to_json(application.chains_of_all_processes()).dump();
-      });
-    }
-  }
-  if (shown) {
-    live_server.emplace(
-        application, *shown, [&inspection] { return inspection->connect(); }, live_page_html());
-    application.add(*live_server);
+  if (observers) {
+    observers->add_servers(application,
+                           {.pace = options.is_played ? &pace : nullptr, .replay = replay.get()},
+                           plan != nullptr);
   }
   if (const auto kept = options.flight_recorder.describe(description); kept && is_main) {
     application.keep_last(*kept);
@@ -564,8 +434,8 @@ int run_application(const config::ApplicationDescription& description,
   if (recording) {
     application.record(*recording);
   }
-  if (tracer != nullptr) {
-    application.add(*tracer);
+  if (observers) {
+    observers->add_trace(application);
   }
   if (!options.limit.empty()) {
     end_bound.begin_within(*parse_duration(options.limit) + kStartLimit);
@@ -595,10 +465,9 @@ int run_application(const config::ApplicationDescription& description,
     }
     keys.emplace([&](char key) { obey(key, pace, application); });
   }
-  if (live_server) {
-    progress.print("live: " + live_server->url());
-    if (!live_server->fingerprint().empty()) {
-      progress.print("live: SHA-256 of its certificate: " + live_server->fingerprint());
+  if (observers) {
+    for (const std::string& line : observers->addresses()) {
+      progress.print(line);
     }
   }
   std::optional<EndListener> end_listener;
@@ -630,11 +499,11 @@ int run_application(const config::ApplicationDescription& description,
   if (following) {
     report.tools = following->report();
   }
-  if (tracer != nullptr) {
-    const trace::TraceReport traced = tracer->report();
-    report.tools.push_back(
-        {.name = "trace", .json = json_of(traced).dump(), .table = text_of(traced)});
+  if (observers) {
+    const std::vector<host::ToolReport> results = observers->reports();
+    report.tools.insert(report.tools.end(), results.begin(), results.end());
   }
+  const std::string trace_problem = observers ? observers->trace_problem() : std::string();
   std::string obstacle;
   if (role != nullptr) {
     report.processes.push_back(report_process(*role, *plan, report));
@@ -644,9 +513,8 @@ int run_application(const config::ApplicationDescription& description,
   } else {
     obstacle = put_report(host::to_json(report), host::to_table(report), options, report_file);
   }
-  if (options.is_quiet && tracer != nullptr && !tracer->report().problem.empty()) {
-    print_to(stderr, "fastcycle {}: the trace is incomplete: {}\n", options.command,
-             tracer->report().problem);
+  if (options.is_quiet && !trace_problem.empty()) {
+    print_to(stderr, "fastcycle {}: the trace is incomplete: {}\n", options.command, trace_problem);
   }
   const auto has_faulted = [](const host::ComponentReport& component) {
     return component.faults > 0;
@@ -659,7 +527,7 @@ int run_application(const config::ApplicationDescription& description,
   const bool has_failed =
       host::is_failure(application.end_reason()) ||
       (application.recorder() != nullptr && application.recorder()->has_failed()) ||
-      (tracer != nullptr && !tracer->report().problem.empty()) ||
+      !trace_problem.empty() ||
       (options.fails_on_fault && std::ranges::any_of(report.components, has_faulted));
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
 }
@@ -838,6 +706,8 @@ int run_processes(const config::ApplicationDescription& description, const host:
   return obstacle.empty() ? result.exit_code : std::max<int>(result.exit_code, kFailed);
 }
 
+}  // namespace
+
 int run(const RunOptions& options) {
   const auto wrong = [&](const std::string& sentence) {
     print_to(stderr, "fastcycle {}: {}\n", options.command, sentence);
@@ -885,6 +755,10 @@ int run(const RunOptions& options) {
   if (const std::string sentence = options.live.find_wrong(); !sentence.empty()) {
     return wrong(sentence);
   }
+  if (const std::string sentence = RunObservers::find_absent(options, description);
+      !sentence.empty()) {
+    return wrong(sentence);
+  }
   host::LibraryLoader libraries(
       host::library_folders(description, options.configuration.library_path),
       description.libraries);
@@ -909,6 +783,8 @@ int run(const RunOptions& options) {
   return run_processes(description, tried, libraries, signals, options, report_file);
 }
 
+namespace {
+
 /// The arguments do not mark the end of the recordings: the last file is the application.
 int play(RunOptions& options) {
   std::vector<std::filesystem::path>& files = options.replay.files;
@@ -921,7 +797,8 @@ int play(RunOptions& options) {
   return run(options);
 }
 
-/// How time passes, of `run` and `record`.
+}  // namespace
+
 void add_clock_options(CLI::App& line, RunOptions& options) {
   line.add_option(
           "--clock", options.clock,
@@ -930,7 +807,6 @@ void add_clock_options(CLI::App& line, RunOptions& options) {
   line.add_option("--rate", options.rate, "Live only: speed factor of time")->type_name("X");
 }
 
-/// The common options of all commands that run an application.
 void add_options(CLI::App& line, RunOptions& options) {
   options.configuration.add_to(line);
   line.add_option("--for", options.limit, "End after this application time: 500ms, 10s, 2min, 1h")
@@ -966,14 +842,6 @@ void add_options(CLI::App& line, RunOptions& options) {
       "--debuggable", options.is_debuggable,
       "Give debuggers and core dumps access to the process's memory, including all messages");
 }
-
-constexpr const char* kEnds =
-    "\n"
-    "The first Ctrl-C ends the run normally, with table and report; the second immediately.\n"
-    "Exit codes: 0 done, 1 the run failed, 2 wrong input (nothing was started), 130 ended\n"
-    "immediately.\n";
-
-}  // namespace
 
 Command add_run(CLI::App& program) {
   CLI::App* line = program.add_subcommand(
@@ -1041,62 +909,6 @@ Command add_play(CLI::App& program) {
   options->replay.add_target_to(*line);
   options->replay.add_selection_to(*line);
   return {line, [options] { return play(*options); }};
-}
-
-Command add_record(CLI::App& program) {
-  CLI::App* line =
-      program.add_subcommand("record", "Run an application and record it to an MCAP file");
-  line->footer(examples(
-      std::string(
-          "  fastcycle record app.json\n"
-          "  fastcycle record app.json -o drive.mcap --for 10min\n"
-          "  fastcycle record app.json --except 'camera/**' --compression zstd\n"
-          "  fastcycle record app.json -o drive.mcap --split-mb 1000 --split-s 60\n"
-          "  fastcycle record --live -o now.mcap --topics 'control/**' --for 10s\n"
-          "\n"
-          "An existing file is not overwritten; the next free number is used. --live records\n"
-          "a running application that was started with --inspect.\n") +
-      kEnds));
-  const auto options = std::make_shared<RunOptions>();
-  options->command = "record";
-  options->record.is_asked = true;
-  add_options(*line, *options);
-  add_clock_options(*line, *options);
-  RecordingOptions& record = options->record;
-  line->add_option("-o,--output", record.file,
-                   "The output file (that of the application, else NAME_DATE_TIME.mcap)")
-      ->type_name("FILE.mcap");
-  line->add_option("--topics", record.topics,
-                   "Only topics that match: control/*, camera/** (repeatable)")
-      ->type_name("PATTERN");
-  line->add_option("--except", record.except, "Omit topics that match (repeatable)")
-      ->type_name("PATTERN");
-  line->add_option("--compression", record.compression,
-                   "Compression of the file (that of the application, else lz4)")
-      ->type_name("none|lz4|zstd");
-  line->add_option("--split-mb", record.split_mb, "Begin a new file before this size is exceeded")
-      ->type_name("MB");
-  line->add_option("--split-s", record.split_s, "Begin a new file after this time, in seconds")
-      ->type_name("S");
-  line->get_option("application")->required(false);  // Not with --live: see below.
-  const auto is_live = std::make_shared<bool>(false);
-  const auto target = std::make_shared<live::Target>();
-  line->add_flag("--live", *is_live, "Record a running application");
-  target->add_application_to(*line);
-  return {line, [line, options, is_live, target] {
-            return live::guarded("record", [&] {
-              if (!*is_live) {
-                live::require_file(*line);
-                return run(*options);
-              }
-              live::require_live_only(
-                  *line, {"app", "output", "topics", "except", "compression", "for", "quiet"});
-              return live::record({.target = *target,
-                                   .record = options->record,
-                                   .duration = options->limit,
-                                   .is_quiet = options->is_quiet});
-            });
-          }};
 }
 
 }  // namespace fastcycle::tool

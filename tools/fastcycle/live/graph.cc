@@ -7,7 +7,10 @@
 
 #include <fmt/format.h>
 
+#include "duration.h"
+#include "live/session.h"
 #include "live/text.h"
+#include "option_values.h"
 #include "report/graph.h"
 
 namespace fastcycle::tool::live {
@@ -115,8 +118,7 @@ Drawing::Topic drawn(const protocol::Topic& topic, const Growth& growth) {
   return result;
 }
 
-}  // namespace
-
+/// The graph of a running application within `span`.
 std::string graph_of(const Target& target, Duration span) {
   Session session(target, "graph --live");
   const protocol::Overview before = session.overview();
@@ -134,6 +136,30 @@ std::string graph_of(const Target& target, Duration span) {
     drawing.topics.push_back(drawn(topic, growth));
   }
   return host::to_dot(drawing);
+}
+
+}  // namespace
+
+void GraphOptions::add_to(CLI::App& line) {
+  line.get_option("application")->required(false);  // Not with --live.
+  line.add_flag("--live", is_asked, "Draw a running application, with its measurements");
+  line.add_option("--app", application, "The running application (the only one)")
+      ->type_name("NAME");
+  line.add_option("--over", span, "With --live: time over which rates are measured (1s)")
+      ->check(is_time())
+      ->type_name("TIME");
+}
+
+int GraphOptions::run(const CLI::App& line, const std::function<int()>& of_file,
+                      const std::function<int(const std::string& dot)>& write) const {
+  return guarded("graph", [&] {
+    if (!is_asked) {
+      require_file(line);
+      return of_file();
+    }
+    require_live_only(line, {"app", "output", "over"});
+    return write(graph_of({.application = application}, *parse_duration(span)));
+  });
 }
 
 }  // namespace fastcycle::tool::live
