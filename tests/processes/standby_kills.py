@@ -3,7 +3,8 @@ have standbys; whichever of the two does the work is killed, or stopped, KILLS t
 again.
 
 What is judged is the log that the main process records: on TOPICS (comma between them) no sequence is missing, none comes twice, and the
-gap between two messages around a kill is shown beside the gaps of the time without kills. Of each kill: how long until the next message.
+gap between two messages around a kill is shown beside the gaps of the time without kills. Of each kill: how long until the message that ends
+this gap, which is the first one of the process that took over.
 """
 import argparse
 import bisect
@@ -159,15 +160,16 @@ def add(its, messages, moments):
     for moment in moments:
         near = [i for i in range(bisect.bisect_left(times, moment) - 1, bisect.bisect_left(times, moment + NEAR_S)) if 0 <= i < len(times) - 1]
         if near:
-            around.add(max(near, key=lambda i: times[i + 1] - times[i]))
+            widest = max(near, key=lambda i: times[i + 1] - times[i])
+            around.add(widest)
+            its["firsts"].append(times[widest + 1] - moment)
     for i, (a, b) in enumerate(zip(times, times[1:])):
         its["around" if i in around else "others"].append(b - a)
-    its["firsts"] += [at - moment for moment in moments for at in [next((at for at in times if at >= moment), None)] if at]
 
 
 def show(topic, its):
     print(f"{topic}: {its['messages']} messages, {its['missing']} missing, {its['twice']} twice")
-    for name, words in (("around", "gap around a kill"), ("others", "other gaps"), ("firsts", "from a kill to the next message")):
+    for name, words in (("around", "gap around a kill"), ("others", "other gaps"), ("firsts", "from a kill to the first message after that gap")):
         if its[name]:
             print(f"  {words}: {shown_times(its[name])}")
 
