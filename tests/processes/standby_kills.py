@@ -3,8 +3,8 @@ have standbys; whichever of the two does the work is killed, or stopped, KILLS t
 again.
 
 What is judged is the log that the main process records: on TOPICS (comma between them) no sequence is missing, none comes twice, and the
-gap between two messages around a kill is shown beside the gaps of the time without kills. Of each kill: how long until the message that ends
-this gap, which is the first one of the process that took over.
+gap between two messages around a kill is shown beside the gaps of the time without kills. Of each kill: how long until the first message
+that was published after the other process had taken over, as the log of the run says.
 """
 import argparse
 import bisect
@@ -27,6 +27,12 @@ def messages_of(program, log, topic):
     shown = subprocess.run([program, "echo", str(log), topic, "--json"], capture_output=True, text=True, check=True)
     said = [json.loads(line) for line in shown.stdout.splitlines()]
     return [(int(one["sequence"]), one["publish_time_ns"] * 1e-9) for one in said]
+
+
+def start_of(program, log):
+    """When the timers of the run began, s since 1970: what the stamps of its log lines count from."""
+    shown = subprocess.run([program, "info", str(log)], capture_output=True, text=True, check=True)
+    return int(re.search(r"^ *timers_ns +(\d+)$", shown.stdout, re.MULTILINE)[1]) * 1e-9
 
 
 NEAR_S = 0.002  # The gap of a kill begins so long after it at most.
@@ -100,6 +106,12 @@ class Drive:
         self.moments.append(moment)  # Only now: before its end nothing is judged.
         self.active[name] = name if active != name else name + ".standby"
 
+    def takeovers(self, program):
+        """When a standby took over, s since 1970."""
+        lines = re.findall(r'^(\d+\.\d+) warning fastcycle: process "[^"]*" has taken over', self.out.read_text(), re.MULTILINE)
+        begin = start_of(program, self.log)
+        return [begin + float(stamp) for stamp in lines]
+
     def end(self):
         if self.run.poll() is None:
             self.run.send_signal(signal.SIGINT)
@@ -141,7 +153,7 @@ def main():
             kills += len(drive.moments)
             runs += 1
             for topic in options.topics:
-                add(found[topic], messages_of(program, drive.log, topic), drive.moments)
+                add(found[topic], messages_of(program, drive.log, topic), drive.moments, drive.takeovers(program))
     print(f"{kills} {'stops' if options.stop else 'kills'} in {runs} runs")
     for topic, its in found.items():
         show(topic, its)
@@ -149,7 +161,7 @@ def main():
         fail("messages are missing, or come twice")
 
 
-def add(its, messages, moments):
+def add(its, messages, moments, takeovers):
     sequences = [sequence for sequence, _ in messages]
     times = [at for _, at in messages]
     its["messages"] += len(messages)
@@ -160,16 +172,18 @@ def add(its, messages, moments):
     for moment in moments:
         near = [i for i in range(bisect.bisect_left(times, moment) - 1, bisect.bisect_left(times, moment + NEAR_S)) if 0 <= i < len(times) - 1]
         if near:
-            widest = max(near, key=lambda i: times[i + 1] - times[i])
-            around.add(widest)
-            its["firsts"].append(times[widest + 1] - moment)
+            around.add(max(near, key=lambda i: times[i + 1] - times[i]))
+        done = next((at for at in takeovers if at >= moment), None)
+        first = bisect.bisect_left(times, done) if done else len(times)
+        if first < len(times):
+            its["firsts"].append(times[first] - moment)
     for i, (a, b) in enumerate(zip(times, times[1:])):
         its["around" if i in around else "others"].append(b - a)
 
 
 def show(topic, its):
     print(f"{topic}: {its['messages']} messages, {its['missing']} missing, {its['twice']} twice")
-    for name, words in (("around", "gap around a kill"), ("others", "other gaps"), ("firsts", "from a kill to the first message after that gap")):
+    for name, words in (("around", "gap around a kill"), ("others", "other gaps"), ("firsts", "from a kill to the first message after the takeover")):
         if its[name]:
             print(f"  {words}: {shown_times(its[name])}")
 
