@@ -171,8 +171,8 @@ bool FollowedComponent::execute_next(detail::ActivationRing& ring,
     case Input::kNotYet:
       return false;
     case Input::kLost:
-      lose(fmt::format("a message that activation {} of \"{}\" was given never came",
-                       activation.record.number, core_.name));
+      lose(fmt::format("a message{} that activation {} of \"{}\" was given never came{}", lost_of(),
+                       activation.record.number, core_.name, why_lost()));
       return false;
   }
   const std::uint64_t number = activation.record.number;
@@ -184,6 +184,23 @@ bool FollowedComponent::execute_next(detail::ActivationRing& ring,
   executed_.store(number);
   pop();
   return true;
+}
+
+std::string FollowedComponent::lost_of() const {
+  return lost_ == nullptr ? "" : fmt::format(" of \"{}\"", lost_->subscription.topic.name);
+}
+
+std::string FollowedComponent::why_lost() const {
+  const std::uint64_t dropped =
+      lost_ == nullptr
+          ? 0
+          : lost_->overflowed.get() + lost_->dropped_by_pool.get() + lost_->dropped_outside.get();
+  return dropped == 0
+             ? ""
+             : fmt::format(
+                   ": {} were dropped on their way to the standby; with a larger \"depth\" than {} "
+                   "more can wait",
+                   dropped, lost_->options.depth);
 }
 
 /// Messages published before the crash count as published.
@@ -438,6 +455,7 @@ FollowedComponent::Input FollowedComponent::find_for_view(detail::View& view,
   }
   Lane::Head found;
   const Input input = find(*lane, read.value, found);
+  lost_ = input == Input::kLost ? lane : nullptr;
   if (input == Input::kThere) {
     lane->delivered.add();
     for_views_.push_back({&view, lane.get(), found.envelope});
@@ -476,6 +494,7 @@ FollowedComponent::Input FollowedComponent::find_message(const FollowedActivatio
     return Input::kLost;
   }
   const Input input = find(*lane, record.key, message_.head);
+  lost_ = input == Input::kLost ? lane : nullptr;
   message_.lane = input == Input::kThere ? lane.get() : nullptr;
   return input;
 }

@@ -84,6 +84,8 @@ class FollowedComponent final : public detail::Script {
   [[nodiscard]] const FollowedActivation* next();
   void drop_posted();
   void pop();
+  [[nodiscard]] std::string lost_of() const;
+  [[nodiscard]] std::string why_lost() const;
   void skip(const FollowedActivation& activation, std::string_view why);
   [[nodiscard]] bool seek(detail::ActivationRing& ring, const FollowedActivation& activation);
   [[nodiscard]] std::uint64_t missing() const;
@@ -128,7 +130,8 @@ class FollowedComponent final : public detail::Script {
   bool has_started_ = false;           ///< With `late_`: the start of its process is complete.
   std::size_t reads_found_ = 0;        ///< Of the next activation: with messages searched for.
   std::vector<ForView> for_views_;
-  detail::LaneHead message_;  ///< Its cause; none: not found yet, or no message.
+  std::shared_ptr<detail::Lane> lost_;  ///< Of the message that never came; null if unknown.
+  detail::LaneHead message_;            ///< Its cause; none: not found yet, or no message.
 };
 
 }  // namespace fastcycle::standby

@@ -98,10 +98,12 @@ class ALateFollower : public testing::Test {
     script_ = std::make_unique<FollowedComponent>(
         *core_, comparer_,
         FollowedComponent::Listener{.found_frame = [this] { ++found_; },
-                                    .lost = [](const std::string& why) { FAIL() << why; },
+                                    .lost = [this](const std::string& why) { lost_ = why; },
                                     .taken_over = [] {}},
         application_.get());
   }
+
+  void TearDown() override { EXPECT_EQ(lost_, ""); }
 
   void ask(LifeStep step, std::function<void()> body) {
     ++asked_;
@@ -161,6 +163,7 @@ class ALateFollower : public testing::Test {
   int asked_ = 0;
   int answered_ = 0;
   int found_ = 0;
+  std::string lost_;  ///< Why it follows no longer.
 };
 
 TEST_F(ALateFollower, BeginsAtAKeyFrameOnceItsProcessHasStarted) {
@@ -321,6 +324,17 @@ TEST_F(ALateFollowerOfMessages, WaitsForAMessageThatHasNotArrivedHere) {
   serve();
   EXPECT_EQ(found_, 1);
   EXPECT_EQ(Receiver::received, (std::vector<std::int64_t>{1}));
+}
+
+TEST_F(ALateFollowerOfMessages, NamesTheQueueThatHadTooFewPlacesForItsInput) {
+  begin();
+  publish(4);
+  add_message(1);
+  serve();
+  EXPECT_EQ(std::exchange(lost_, {}),
+            "a message of \"numbers\" that activation 2 of \"receiver\" was given never came: 2 "
+            "were dropped on their way to the standby; with a larger \"depth\" than 2 more can "
+            "wait");
 }
 
 TEST_F(ALateFollowerOfMessages, BeginsAtALaterKeyFrameIfAMessageOfAnEarlierOneDoesNotArrive) {
