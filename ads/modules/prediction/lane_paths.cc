@@ -37,6 +37,15 @@ LanePaths::LanePaths(const hd_map::Tile& tile) {
       // Without a length it is no lane.
     }
   }
+  for (const auto& entry : lanes_) {
+    for (const std::int64_t one : entry.second.successors) {
+      for (const std::int64_t other : entry.second.successors) {
+        if (one != other && has(one) && has(other)) {
+          lanes_.at(one).forks.push_back(other);
+        }
+      }
+    }
+  }
 }
 
 std::int64_t LanePaths::beside(std::int64_t lane, bool is_left) const {

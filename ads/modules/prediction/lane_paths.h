@@ -37,6 +37,10 @@ class LanePaths {
   [[nodiscard]] bool has(std::int64_t lane) const { return lanes_.contains(lane); }
   /// The adjacent lane in the same direction; 0 for none.
   [[nodiscard]] std::int64_t beside(std::int64_t lane, bool is_left) const;
+  /// The other lanes that begin where `lane` does: at a fork, an object may be on several.
+  [[nodiscard]] const std::vector<std::int64_t>& forks_of(std::int64_t lane) const {
+    return lanes_.at(lane).forks;
+  }
   /// The possible paths from `lane` for `length_m`, the straightest one first; at most four, and at
   /// least one. The last lane of a map is extended straight.
   [[nodiscard]] std::vector<LanePath> from(std::int64_t lane, double length_m) const;
@@ -45,7 +49,8 @@ class LanePaths {
   struct Lane {
     Polyline center;
     std::vector<std::int64_t> successors;
-    std::int64_t left = 0;  // In the same direction, or 0.
+    std::vector<std::int64_t> forks = {};  // Other successors of its predecessors.
+    std::int64_t left = 0;                 // In the same direction, or 0.
     std::int64_t right = 0;
   };
 

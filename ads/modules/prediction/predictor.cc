@@ -173,16 +173,49 @@ void Predictor::add_hypotheses(const Track& track, prediction::PredictedObject& 
     turn(object, turning);
     left = add_changes(track, slant_rad, left, predicted);
   }
-  for (const LanePath& way : track.paths) {
+  add_following(track, slant_rad, left, predicted);
+  sort_by_probability(predicted);
+}
+
+void Predictor::add_following(const Track& track, double slant_rad, double probability,
+                              prediction::PredictedObject& predicted) const {
+  struct Way {
+    LanePath path;
+    double weight;
+    double along_m;
+    double offset_m;
+    double slant_rad;
+  };
+  std::vector<Way> ways;
+  for (const LanePath& path : track.paths) {
+    ways.push_back({path, 1.0, track.along_m, track.source->offset_m(), slant_rad});
+  }
+  const perception::Object& object = track.source->object();
+  for (const std::int64_t fork : lanes_.forks_of(track.source->lane())) {
+    const Polyline line = lanes_.from(fork, 0.0).front().line;
+    const Polyline::Projection place = line.project({object.x_m(), object.y_m()});
+    const double other_rad = normalize_angle(object.heading_rad() - line.heading_at(place.along_m));
+    if (std::abs(place.offset_m) > kPredictor.fork_offset_m ||
+        std::abs(other_rad) > kPredictor.fork_slant_rad) {
+      continue;
+    }
+    for (const LanePath& path : lanes_.from(
+             fork, std::max(0.0, place.along_m) + track.way_m.back() + kPredictor.leader_ahead_m)) {
+      ways.push_back({path, kPredictor.fork_weight, place.along_m, place.offset_m, other_rad});
+    }
+  }
+  double sum = 0.0;
+  for (const Way& way : ways) {
+    sum += way.weight;
+  }
+  for (const Way& way : ways) {
     auto& following = *predicted.add_hypotheses();
     following.set_kind(prediction::LANE_FOLLOWING);
-    following.set_probability(left / static_cast<double>(track.paths.size()));
-    follow(track, way, track.along_m,
-           {.begin_m = track.source->offset_m(),
-            .speed_mps = object.speed_mps() * std::sin(slant_rad)},
+    following.set_probability(probability * way.weight / sum);
+    follow(track, way.path, way.along_m,
+           {.begin_m = way.offset_m, .speed_mps = object.speed_mps() * std::sin(way.slant_rad)},
            following);
   }
-  sort_by_probability(predicted);
 }
 
 double Predictor::add_changes(const Track& track, double slant_rad, double probability,

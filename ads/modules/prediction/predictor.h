@@ -59,6 +59,9 @@ class Predictor {
   [[nodiscard]] double acceleration(const Track& track, const std::vector<Track>& tracks,
                                     std::size_t step) const;
   void add_hypotheses(const Track& track, prediction::PredictedObject& predicted) const;
+  // Along its lane, and along those that begin where this does and where it may be as well.
+  void add_following(const Track& track, double slant_rad, double probability,
+                     prediction::PredictedObject& predicted) const;
   // Returns the remaining probability.
   double add_changes(const Track& track, double slant_rad, double probability,
                      prediction::PredictedObject& predicted) const;

@@ -178,6 +178,25 @@ TEST_F(PredictorTest, WhereLanesPartEachWayIsAHypothesis) {
   EXPECT_NEAR(sum(predicted), 1.0, 1e-9);
 }
 
+TEST_F(PredictorTest, AfterAForkBothWaysRemainUntilTheCarLeavesOne) {
+  const auto ways = [this](double x_m, double y_m, double heading_rad) {
+    scene_.Clear();
+    auto& object = add(11, x_m, y_m, 10.0);
+    object.set_heading_rad(heading_rad);
+    scene_.mutable_objects(0)->set_along_m(x_m - 200.0);
+    int count = 0;
+    for (const auto& hypothesis : predict().hypotheses()) {
+      count += hypothesis.kind() == prediction::LANE_FOLLOWING ? 1 : 0;
+    }
+    EXPECT_NEAR(sum(predictions_.objects(0)), 1.0, 1e-9);
+    return count;
+  };
+  EXPECT_EQ(ways(201.0, -0.2, -0.1), 2);
+  EXPECT_GT(predictions_.objects(0).hypotheses(0).points(60).x_m(), 240.0) << "its own lane first";
+  EXPECT_EQ(ways(206.0, 0.0, -0.1), 1) << "beside the other one";
+  EXPECT_EQ(ways(201.0, -0.2, 0.5), 1) << "turned away from the other one";
+}
+
 TEST_F(PredictorTest, WhatIsOnNoLaneKeepsItsTurn) {
   auto& object = add(0, 0.0, -50.0, 10.0);
   object.set_yaw_rate_radps(0.5);

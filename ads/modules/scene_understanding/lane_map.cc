@@ -48,7 +48,8 @@ const LaneMap::Lane* LaneMap::find(std::int64_t id) const {
 }
 
 std::optional<LanePlace> LaneMap::match(const Eigen::Vector2d& position_m, double heading_rad,
-                                        double speed_mps, std::int64_t previous) const {
+                                        double speed_mps, std::int64_t previous,
+                                        const std::set<std::int64_t>& route) const {
   const Lane* const before = find(previous);
   std::optional<LanePlace> best;
   double least_m = std::numeric_limits<double>::infinity();
@@ -79,6 +80,9 @@ std::optional<LanePlace> LaneMap::match(const Eigen::Vector2d& position_m, doubl
     double misfit_m = beside_m + (is_end ? 0.0 : beyond_m) + kLaneMap.slant_m_per_rad * slant_rad;
     if (id == previous || (before != nullptr && is_successor(*before, id))) {
       misfit_m -= kLaneMap.hysteresis_m;
+    }
+    if (route.contains(id)) {
+      misfit_m -= kLaneMap.on_route_m;
     }
     if (misfit_m < least_m) {
       least_m = misfit_m;

@@ -38,6 +38,14 @@ TEST(LaneMap, LaneIsKeptUntilAnotherOneFitsClearlyBetter) {
   EXPECT_EQ(lanes.match({30.0, 2.6}, 0.0, 10.0, 1)->lane, 2);
 }
 
+TEST(LaneMap, LanesOfTheRouteArePreferred) {
+  const LaneMap lanes(testing::small_map());
+
+  EXPECT_EQ(lanes.match({150.0, 0.2}, 0.7, 10.0, 0)->lane, 11);
+  EXPECT_EQ(lanes.match({150.0, 0.2}, 0.7, 10.0, 0, {5})->lane, 5);
+  EXPECT_EQ(lanes.match({150.0, 0.2}, 0.0, 10.0, 0, {5})->lane, 11);
+}
+
 TEST(LaneMap, FarFromAllLanesIsNoLane) {
   const LaneMap lanes(testing::small_map());
 

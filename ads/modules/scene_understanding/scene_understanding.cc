@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include "scene_understanding_tuning.h"
@@ -87,7 +88,8 @@ void SceneUnderstanding::judge(const perception::Objects& objects) {
   std::optional<RouteFrame> straight;
   std::optional<Situation> situation;
   if (ego) {
-    const auto place = lanes_.match(ego->position_m, ego->heading_rad, ego->speed_mps, ego_lane_);
+    const auto place = lanes_.match(ego->position_m, ego->heading_rad, ego->speed_mps, ego_lane_,
+                                    route_ ? route_->lanes() : std::set<std::int64_t>());
     ego_lane_ = place ? place->lane : 0;
     scene->set_ego_lane(ego_lane_);
     scene->set_ego_offset_m(place ? place->offset_m : 0.0);

@@ -44,6 +44,7 @@ class RouteFrame {
   /// Whether the position is on the road, or at most `margin_m` beside it.
   [[nodiscard]] bool is_on_road(const Polyline::Projection& place, double margin_m) const;
   [[nodiscard]] bool has_lane(std::int64_t lane) const { return lanes_.contains(lane); }
+  [[nodiscard]] const std::set<std::int64_t>& lanes() const { return lanes_; }
 
  private:
   explicit RouteFrame(Polyline reference) : reference_(std::move(reference)) {}
