@@ -195,12 +195,12 @@ std::string FollowedComponent::why_lost() const {
       lost_ == nullptr
           ? 0
           : lost_->overflowed.get() + lost_->dropped_by_pool.get() + lost_->dropped_outside.get();
-  return dropped == 0
-             ? ""
-             : fmt::format(
-                   ": {} were dropped on their way to the standby; with a larger \"depth\" than {} "
-                   "more can wait",
-                   dropped, lost_->options.depth);
+  return dropped == 0 ? ""
+                      : fmt::format(
+                            " (dropped on the way to the standby so far: {}); a larger \"depth\" "
+                            "than {} has "
+                            "room for more",
+                            dropped, lost_->options.depth);
 }
 
 /// Messages published before the crash count as published.

@@ -332,9 +332,9 @@ TEST_F(ALateFollowerOfMessages, NamesTheQueueThatHadTooFewPlacesForItsInput) {
   add_message(1);
   serve();
   EXPECT_EQ(std::exchange(lost_, {}),
-            "a message of \"numbers\" that activation 2 of \"receiver\" was given never came: 2 "
-            "were dropped on their way to the standby; with a larger \"depth\" than 2 more can "
-            "wait");
+            "a message of \"numbers\" that activation 2 of \"receiver\" was given never came "
+            "(dropped on the way to the standby so far: 2); a larger \"depth\" than 2 has room for "
+            "more");
 }
 
 TEST_F(ALateFollowerOfMessages, BeginsAtALaterKeyFrameIfAMessageOfAnEarlierOneDoesNotArrive) {

@@ -39,11 +39,22 @@ LanePaths::LanePaths(const hd_map::Tile& tile) {
   }
   for (const auto& entry : lanes_) {
     for (const std::int64_t one : entry.second.successors) {
-      for (const std::int64_t other : entry.second.successors) {
-        if (one != other && has(one) && has(other)) {
-          lanes_.at(one).forks.push_back(other);
-        }
+      const auto found = lanes_.find(one);
+      if (found != lanes_.end()) {
+        add_forks(entry.second.successors, one, found->second.forks);
       }
+    }
+  }
+}
+
+void LanePaths::add_forks(const std::vector<std::int64_t>& successors, std::int64_t lane,
+                          std::vector<std::int64_t>& forks) const {
+  for (const std::int64_t other : successors) {
+    if (forks.size() == kLanePaths.forks_max) {
+      return;
+    }
+    if (other != lane && has(other) && std::ranges::find(forks, other) == forks.end()) {
+      forks.push_back(other);
     }
   }
 }

@@ -38,6 +38,7 @@ class LanePaths {
   /// The adjacent lane in the same direction; 0 for none.
   [[nodiscard]] std::int64_t beside(std::int64_t lane, bool is_left) const;
   /// The other lanes that begin where `lane` does: at a fork, an object may be on several.
+  /// At most four.
   [[nodiscard]] const std::vector<std::int64_t>& forks_of(std::int64_t lane) const {
     return lanes_.at(lane).forks;
   }
@@ -54,6 +55,8 @@ class LanePaths {
     std::int64_t right = 0;
   };
 
+  void add_forks(const std::vector<std::int64_t>& successors, std::int64_t lane,
+                 std::vector<std::int64_t>& forks) const;
   void extend(std::vector<std::int64_t>& chain, double length_m,
               std::vector<std::vector<std::int64_t>>& chains) const;
 

@@ -25,7 +25,7 @@ double blend_slope(double share) {
 }
 
 void sort_by_probability(prediction::PredictedObject& predicted) {
-  // At most eight; equal ones stay in their order.
+  // A few; equal ones stay in their order.
   auto& list = *predicted.mutable_hypotheses();
   for (int end = 1; end < list.size(); ++end) {
     for (int at = end; at > 0 && list[at].probability() > list[at - 1].probability(); --at) {

@@ -44,7 +44,7 @@ class LaneMap {
   /// The lane that fits best: the position is in the lane, or at most 1.5 m beside it, and the
   /// heading is along it. Slow objects may have any heading. An object stays on its `previous`
   /// lane, or continues on a successor, until another one fits clearly better. Lanes of `route`,
-  /// the object's if it is known, are preferred: where lanes overlap, as at the begin of a turn,
+  /// the object's if it is known, are preferred: where lanes overlap, as at the start of a turn,
   /// the object is on the one that it will follow.
   [[nodiscard]] std::optional<LanePlace> match(const Eigen::Vector2d& position_m,
                                                double heading_rad, double speed_mps,
