@@ -177,7 +177,8 @@ std::optional<Halt> halt_before(const Problem& problem, const Traffic& traffic,
                   .line_m = front,
                   .braking_mps2 = SpeedProfile::kBraking_mps2,
                   .kind = RuleKind::kGiveWay,
-                  .object = *object};
+                  .object = *object,
+                  .is_here = true};
     }
   }
   return std::nullopt;

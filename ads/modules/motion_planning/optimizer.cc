@@ -196,10 +196,10 @@ void Optimizer::add_edges(Quadratic& sum, const State& state, const RoadPlace& p
         const double left_x = -std::sin(at.heading_rad);
         const double left_y = std::cos(at.heading_rad);
         const Eigen::Vector3d jacobian{left_x, left_y, left_y * dx - left_x * dy};
-        sum.add_pose(side * jacobian, over, kStep_s * kOptimizer.edge);
+        sum.add_pose(side * jacobian, over, kStep_s * problem_.edge_share * kOptimizer.edge);
         if (over > kOptimizer.edge_space_m - kOptimizer.edge_need_m) {
           sum.add_pose(side * jacobian, over - (kOptimizer.edge_space_m - kOptimizer.edge_need_m),
-                       kStep_s * kOptimizer.edge_near);
+                       kStep_s * problem_.edge_share * kOptimizer.edge_near);
         }
       }
     }
@@ -281,12 +281,12 @@ void Optimizer::add_goal(Quadratic& sum, std::size_t step, const State& state) c
   }
   sum.add_pose_bounded(by_across, across, kOptimizer.goal_centre, 1.0);
   if (std::abs(along) > room_along) {
-    sum.add_pose_bounded(by_along, outside(along, -room_along, room_along), kOptimizer.goal_place,
-                         kOptimizer.goal_far_m);
+    sum.add_pose_bounded(by_along, outside(along, -room_along, room_along),
+                         problem_.goal_share * kOptimizer.goal_place, kOptimizer.goal_far_m);
   }
   if (std::abs(across) > room_across) {
     sum.add_pose_bounded(by_across, outside(across, -room_across, room_across),
-                         kOptimizer.goal_place, kOptimizer.goal_far_m);
+                         problem_.goal_share * kOptimizer.goal_place, kOptimizer.goal_far_m);
   }
   const double middle = 0.5 * (goal.heading_rad.low + goal.heading_rad.high);
   if (std::isfinite(middle)) {
@@ -294,7 +294,7 @@ void Optimizer::add_goal(Quadratic& sum, std::size_t step, const State& state) c
     const double angle = wrapped(state.heading_rad - middle);
     sum.add(2, angle, kOptimizer.goal_ahead);
     if (std::abs(angle) > room) {
-      sum.add(2, outside(angle, -room, room), kOptimizer.goal_heading);
+      sum.add(2, outside(angle, -room, room), problem_.goal_share * kOptimizer.goal_heading);
     }
   }
   const double slack =
@@ -303,7 +303,7 @@ void Optimizer::add_goal(Quadratic& sum, std::size_t step, const State& state) c
   const double low = goal.speed_mps.low > 0.0 ? goal.speed_mps.low + slack : goal.speed_mps.low;
   const double high = goal.speed_mps.high - slack;
   if (state.speed_mps < low || state.speed_mps > high) {
-    sum.add(3, outside(state.speed_mps, low, high), kOptimizer.goal_speed);
+    sum.add(3, outside(state.speed_mps, low, high), problem_.goal_share * kOptimizer.goal_speed);
   }
 }
 

@@ -58,21 +58,28 @@ Miss miss_of(const Goal& goal, const Road& road, const State& state) {
   return miss;
 }
 
-// When the trajectory reaches the goal, or what it misses it by at best.
-void set_goal_miss(const Goal& goal, const Road& road, Plan& plan) {
-  Miss best;
+// The smallest deviation, and when the trajectory has it first.
+std::pair<Miss, double> smallest_miss(const Goal& goal, const Road& road,
+                                      const Trajectory& trajectory) {
+  std::pair<Miss, double> best;
   double best_size = kInfinity;
-  const double begin = std::max(goal.time_s.low, plan.nominal.start_s);
+  const double begin = std::max(goal.time_s.low, trajectory.start_s);
   for (double time = begin; time <= goal.time_s.high + 1e-9; time += kPlanner.look_s) {
-    const Miss miss = miss_of(goal, road, plan.nominal.at(time));
-    if (miss.size() == 0.0) {
-      plan.goal_s = time;
-      return;
-    }
+    const Miss miss = miss_of(goal, road, trajectory.at(time));
     if (miss.size() < best_size) {
       best_size = miss.size();
-      best = miss;
+      best = {miss, time};
     }
+  }
+  return best;
+}
+
+// When the trajectory reaches the goal, or what it misses it by at best.
+void set_goal_miss(const Goal& goal, const Road& road, Plan& plan) {
+  const auto [best, time_s] = smallest_miss(goal, road, plan.nominal);
+  if (best.size() == 0.0) {
+    plan.goal_s = time_s;
+    return;
   }
   if (plan.reason.empty()) {
     plan.reason = fmt::format(
@@ -167,6 +174,22 @@ double harm(const Verdict& verdict) {
   return std::isfinite(verdict.hit_s)
              ? (1.0 + verdict.hit_mps / kPlanner.slow_mps) / (kPlanner.soon_s + verdict.hit_s)
              : 0.0;
+}
+
+// By how much more than at its start the vehicle is over the road's edge.
+double road_left_by_m(const PlannerConfig& config, const Problem& problem,
+                      const Trajectory& trajectory) {
+  return over_edge_m(config.vehicle, trajectory, problem.road, config.certain_s) -
+         over_edge_m(config.vehicle, start_of(problem), problem.road, config.certain_s);
+}
+
+// Whether it may be driven without being an evasion.
+bool is_nominal(const PlannerConfig& config, const Problem& problem, const Trajectory& trajectory) {
+  const Verdict verdict = judge(config.vehicle, trajectory, problem.traffic, config.certain_s);
+  return !std::isfinite(verdict.hit_s) &&
+         verdict.acceleration_min_mps2 >= -kPlanner.hard_braking_mps2 &&
+         verdict.lateral_max_mps2 <= kPlanner.hard_turning_mps2 &&
+         road_left_by_m(config, problem, trajectory) <= kPlanner.over_edge_m;
 }
 
 // Positions that brake as hard as can be, and move to the side by `side_m`.
@@ -300,6 +323,49 @@ Way Planner::best_way(const Problem& problem, double start_s, bool is_driving, P
   return best;
 }
 
+// Whether the last plan pulls out, and may go on with it: a vehicle that stops again each time that
+// predictions change blocks the way of others.
+bool Planner::pulls_out(const Problem& problem, double start_s) const {
+  if (!last_ ||
+      last_trajectory_.at(start_s + kPlanner.pulled_out_s).speed_mps < kPlanner.moving_mps) {
+    return false;
+  }
+  const Trajectory same = trajectory_of(config_.vehicle, continued(problem, start_s), start_s);
+  return judge(config_.vehicle, same, problem.traffic, config_.certain_s).smallest_gap_m >
+         kPlanner.pulling_out_gap_m;
+}
+
+// The way, or one near it that stays on the road where only that is wrong with it.
+Way Planner::kept_on_road(const Problem& problem, Way way) const {
+  const Trajectory trajectory = trajectory_of(config_.vehicle, way, 0.0);
+  if (road_left_by_m(config_, problem, trajectory) <= kPlanner.over_edge_m) {
+    return way;
+  }
+  Problem narrow = problem;
+  narrow.edge_share = kPlanner.narrow_edge_share;
+  Way nearer = Optimizer(narrow).improve(way);
+  return is_nominal(config_, problem, trajectory_of(config_.vehicle, nearer, 0.0)) ? nearer : way;
+}
+
+// The way, or one near it that reaches the goal where it narrowly misses that: a goal is a place to
+// be in, and costs of comfort can outweigh a small deviation from it.
+Way Planner::finished(const Problem& problem, const Goal& goal, Way way, double start_s) const {
+  const auto missed = [&](const Trajectory& trajectory) {
+    return smallest_miss(goal, problem.road, trajectory).first.size();
+  };
+  const Trajectory trajectory = trajectory_of(config_.vehicle, way, start_s);
+  const double missed_by = missed(trajectory);
+  if (missed_by == 0.0 || missed_by > kPlanner.narrow_miss ||
+      !is_nominal(config_, problem, trajectory)) {
+    return way;
+  }
+  Problem urgent = problem;
+  urgent.goal_share = kPlanner.urgent_goal_share;
+  Way nearer = Optimizer(urgent).improve(way);
+  const Trajectory other = trajectory_of(config_.vehicle, nearer, start_s);
+  return missed(other) == 0.0 && is_nominal(config_, problem, other) ? nearer : way;
+}
+
 Way Planner::evade(const Problem& problem, const Way& nominal) const {
   Problem emergency = problem;
   emergency.is_emergency = true;
@@ -397,6 +463,10 @@ Plan Planner::plan(const Situation& situation) {
   stood_at_lane_ = stood_at(*situation.road, config_.vehicle, situation.ego,
                             situation.waiting_lines, stood_at_lane_);
   problem.halt = halt_before(problem, unyielding, objects, situation.waiting_lines, stood_at_lane_);
+  if (problem.halt && problem.halt->is_here && situation.is_driving &&
+      pulls_out(problem, start_s)) {
+    problem.halt.reset();
+  }
   if (!situation.goal && !problem.halt && situation.map_end_m) {
     problem.halt = halt_before_end(problem, *situation.map_end_m);
   }
@@ -404,12 +474,14 @@ Plan Planner::plan(const Situation& situation) {
   Plan plan;
   plan.kind = PlanKind::kNominal;
   Way way = best_way(problem, start_s, situation.is_driving, plan);
+  way = kept_on_road(problem, std::move(way));
+  if (goal) {
+    way = finished(problem, *situation.goal, std::move(way), start_s);
+  }
   plan.nominal = trajectory_of(config_.vehicle, way, start_s);
   Verdict verdict = judge(config_.vehicle, plan.nominal, traffic, config_.certain_s);
   // To leave the road is as bad as to touch something.
-  const double left_m =
-      over_edge_m(config_.vehicle, plan.nominal, problem.road, config_.certain_s) -
-      over_edge_m(config_.vehicle, start_of(problem), problem.road, config_.certain_s);
+  const double left_m = road_left_by_m(config_, problem, plan.nominal);
   if (std::isfinite(verdict.hit_s) || left_m > kPlanner.over_edge_m) {
     plan.kind = PlanKind::kEvasive;
     plan.reason = std::isfinite(verdict.hit_s)

@@ -112,6 +112,10 @@ class Planner {
   [[nodiscard]] Way continued(const Problem& problem, double start_s) const;
   [[nodiscard]] Way best_way(const Problem& problem, double start_s, bool is_driving,
                              Plan& plan) const;
+  [[nodiscard]] bool pulls_out(const Problem& problem, double start_s) const;
+  [[nodiscard]] Way kept_on_road(const Problem& problem, Way way) const;
+  [[nodiscard]] Way finished(const Problem& problem, const Goal& goal, Way way,
+                             double start_s) const;
   [[nodiscard]] Way evade(const Problem& problem, const Way& nominal) const;
   void add_minimal_risk(const Problem& problem, const Traffic& unyielding, Plan& plan) const;
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -141,6 +142,27 @@ TEST_F(PlannerTest, WaitsBeforeTheLineForWhoGoesFirst) {
   }
 }
 
+TEST_F(PlannerTest, GoesOnPullingOutAsLongAsThereIsRoom) {
+  ego_ = {};
+  const auto goes_after = [this](bool had_decided) {
+    Planner planner{PlannerConfig{}};
+    Situation situation{.ego = ego_, .is_driving = true, .road = &road_};
+    if (had_decided) {
+      planner.plan(situation);
+    }
+    // Has right of way, and is gone when the vehicle has driven off gently.
+    TrafficObject object = car(7.0, -13.0, 8.0);
+    object.ways[0].states[0].heading_rad = 0.5 * std::numbers::pi;
+    object.goes_first = true;
+    situation.objects = {object};
+    situation.now_s = 0.1;
+    return planner.plan(situation).nominal.at(2.5).speed_mps;
+  };
+
+  EXPECT_LT(goes_after(false), 0.3);
+  EXPECT_GT(goes_after(true), 1.0);
+}
+
 TEST_F(PlannerTest, ReachesTheGoalStateOnAFreeRoad) {
   goal_ = goal_at(66.0, kLane_m);
   const Plan made = plan();
@@ -151,6 +173,18 @@ TEST_F(PlannerTest, ReachesTheGoalStateOnAFreeRoad) {
   EXPECT_LE(*made.goal_s, 7.0);
   EXPECT_EQ(made.reason, "");
   EXPECT_TRUE(std::isinf(made.smallest_gap_m));
+}
+
+TEST_F(PlannerTest, ReachesAGoalThatIsUncomfortable) {
+  goal_ = goal_at(55.0, 1.0);
+  goal_->heading_rad = {0.7, 0.8};
+  goal_->speed_mps = {7.0, 9.0};
+
+  const Plan made = plan();
+
+  EXPECT_EQ(made.kind, PlanKind::kNominal);
+  ASSERT_TRUE(made.goal_s) << made.reason;
+  EXPECT_GT(made.nominal.at(*made.goal_s).heading_rad, 0.7);
 }
 
 TEST_F(PlannerTest, SaysByWhatTheGoalIsMissed) {

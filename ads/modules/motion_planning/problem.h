@@ -77,6 +77,8 @@ struct Problem {
   Interval cruise_within_mps = {};  ///< The bounds of the desired speed everywhere.
   bool is_emergency =
       false;  ///< Whether more than comfort's, the usual and the road's limits may be used.
+  double goal_share = 1.0;  ///< Factor of the goal's weights in the optimization.
+  double edge_share = 1.0;  ///< The same for the road's edges.
 };
 
 /// The permitted speed along the road of a problem.

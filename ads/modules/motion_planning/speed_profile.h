@@ -35,6 +35,7 @@ struct Halt {
   double braking_mps2 = 2.0;
   RuleKind kind = RuleKind::kStopLine;
   std::uint64_t object = 0;  ///< The object that has right of way.
+  bool is_here = false;      ///< Where the vehicle is, without a line.
 };
 
 /// A rule, and where along the road it begins to apply.
