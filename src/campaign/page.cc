@@ -135,6 +135,9 @@ std::string to_page(const Summary& summary) {
   for (std::size_t i = 0; i < summary.failures.size(); ++i) {
     const Failure& failure = summary.failures[i];
     html += fmt::format("<h3>{}. {}</h3>\n<ul>\n", i + 1, to_html(failure.how));
+    if (failure.faults.empty()) {
+      html += fmt::format("<li>{}</li>\n", kWithoutFaults);
+    }
     for (const DrawnFault& fault : failure.faults) {
       html += "<li>" + to_html(in_words(fault.json)) + "</li>\n";
     }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -38,9 +40,19 @@ class Chance {
   std::uint64_t state_;
 };
 
-const std::set<std::string>& ranged_keys() {
-  static const std::set<std::string> keys = {"from_s", "for_s", "probability",
-                                             "by_ms",  "by_mb", "value"};
+constexpr double kMaxTime = 86400;  ///< Of a fault, in s.
+
+struct Limits {
+  double least = std::numeric_limits<double>::lowest();
+  double most = std::numeric_limits<double>::max();
+};
+
+/// The keys that may be ranges, with what a run accepts (schema/application.schema.json): a number
+/// beyond would end the campaign at the seed that draws it.
+const std::map<std::string, Limits>& ranged_keys() {
+  static const std::map<std::string, Limits> keys = {
+      {"from_s", {0, kMaxTime}},      {"for_s", {0, kMaxTime}},  {"probability", {0, 1}},
+      {"by_ms", {0.001, 86'400'000}}, {"by_mb", {1, 1'000'000}}, {"value", {}}};
   return keys;
 }
 const std::set<std::string>& text_keys() {
@@ -52,6 +64,22 @@ const std::set<std::string>& text_keys() {
 bool is_range(const ordered_json& value) {
   return value.is_array() && value.size() == 2 && value[0].is_number() && value[1].is_number() &&
          value[0].get<double>() <= value[1].get<double>();
+}
+
+/// Of a number, or of the numbers in a range.
+double least_of(const ordered_json& value) {
+  return (is_range(value) ? value[0] : value).get<double>();
+}
+double most_of(const ordered_json& value) {
+  return (is_range(value) ? value[1] : value).get<double>();
+}
+bool is_number_or_range(const ordered_json& value) {
+  return value.is_number() || is_range(value);
+}
+
+/// An end has to be after the begin.
+double span_of(double for_s) {
+  return std::max(for_s, 0.001);
 }
 
 /// Reads a plan, and collects what is wrong with it.
@@ -76,10 +104,8 @@ class Reader {
     }
     for (const auto& [key, value] : fault.items()) {
       const std::string at = pointer + "/" + key;
-      if (ranged_keys().contains(key)) {
-        if (!value.is_number() && !is_range(value)) {
-          expect(at, "a number, or a range such as [1, 5]", value);
-        }
+      if (const auto ranged = ranged_keys().find(key); ranged != ranged_keys().end()) {
+        check_number(value, ranged->second, at);
       } else if (text_keys().contains(key)) {
         if (!value.is_string()) {
           expect(at, "a string", value);
@@ -99,15 +125,42 @@ class Reader {
     if (!fault.contains("from_s")) {
       add_error(pointer,
                 "the key \"from_s\" is missing: between which times it begins, as [0, 10]");
+    } else if (fault.contains("for_s")) {
+      check_end(fault["from_s"], fault["for_s"], pointer + "/for_s");
     }
   }
 
  private:
+  void check_number(const ordered_json& value, const Limits& limits, const std::string& at) {
+    if (!is_number_or_range(value)) {
+      expect(at, "a number, or a range such as [1, 5]", value);
+    } else if (least_of(value) < limits.least || most_of(value) > limits.most) {
+      expect(at,
+             fmt::format("a number in [{}, {}], or a range of these", limits.least, limits.most),
+             value);
+    }
+  }
+
+  void check_end(const ordered_json& from, const ordered_json& span, const std::string& at) {
+    const auto is_time = [](const ordered_json& value) {
+      return is_number_or_range(value) && least_of(value) >= 0 && most_of(value) <= kMaxTime;
+    };
+    if (is_time(from) && is_time(span) && most_of(from) + span_of(most_of(span)) > kMaxTime) {
+      expect(at, fmt::format("an end, which is from_s + for_s, of at most {} s", kMaxTime), span);
+    }
+  }
+
   void check_kind(const ordered_json& fault, const std::string& pointer) {
     const auto name = fault["kind"].get<std::string>();
     const auto kind = config::fault_kind(name);
+    if (kind == config::FaultKind::kHang) {
+      add_error(pointer + "/kind",
+                "\"hang\" has no effect in simulated time, in which a campaign runs; use \"slow\"");
+      return;
+    }
     if (!kind) {
-      const std::vector<std::string> kinds = config::fault_kinds();
+      std::vector<std::string> kinds = config::fault_kinds();
+      std::erase(kinds, config::to_string(config::FaultKind::kHang));
       const std::string hint = config::did_you_mean(config::nearest(name, kinds));
       add_error(pointer + "/kind",
                 fmt::format("expected one of \"{}\", found \"{}\"{}", fmt::join(kinds, "\", \""),
@@ -131,7 +184,8 @@ class Reader {
 
 /// Three digits behind the point: an overlay is to be read by people.
 double rounded(double value) {
-  return std::round(value * 1000.0) / 1000.0;
+  const double digits = std::round(value * 1000.0) / 1000.0;
+  return std::isfinite(digits) ? digits : value;
 }
 
 double drawn(const ordered_json& value, Chance& chance) {
@@ -139,7 +193,10 @@ double drawn(const ordered_json& value, Chance& chance) {
     return value.get<double>();
   }
   const double low = value[0].get<double>();
-  return rounded(low + chance.unit() * (value[1].get<double>() - low));
+  const double high = value[1].get<double>();
+  const double part = chance.unit();
+  const double span = high - low;
+  return rounded(std::isfinite(span) ? low + part * span : low * (1 - part) + high * part);
 }
 
 }  // namespace
@@ -164,7 +221,7 @@ std::optional<Plan> Plan::read(const std::string& text, const std::string& file,
     if (key == "at_once") {
       const ordered_json range = is_range(value) ? value : ordered_json::array({value, value});
       if (!range[0].is_number_integer() || !range[1].is_number_integer() ||
-          range[0].get<std::int64_t>() < 1 || range[1].get<std::int64_t>() > 64) {
+          range[0].get<double>() < 1 || range[1].get<double>() > 64) {
         reader.expect("/at_once", "a number of faults in [1, 64], or a range of it", value);
       } else {
         plan.at_least_ = range[0];
@@ -206,7 +263,7 @@ std::vector<DrawnFault> Plan::draw(std::uint64_t seed) const {
     }
     if (faults_[source].contains("for_s")) {
       const double span = drawn(faults_[source]["for_s"], chance);
-      fault["to_s"] = rounded(fault["from_s"].get<double>() + std::max(span, 0.001));
+      fault["to_s"] = rounded(fault["from_s"].get<double>() + span_of(span));
     }
     drawn_faults.push_back({std::move(fault), source});
   }

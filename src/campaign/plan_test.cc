@@ -84,5 +84,51 @@ TEST(Plan, ReportsEachErrorWithItsPlace) {
   EXPECT_THAT(errors, ElementsAre(HasSubstr("plan.json: this is not JSON")));
 }
 
+TEST(Plan, RefusesNumbersThatNoRunAccepts) {
+  std::vector<std::string> errors;
+  EXPECT_FALSE(Plan::read(R"({"at_once": [1, 18446744073709551615], "faults": [
+      {"kind": "drop", "topic": "a", "from_s": 1e306},
+      {"kind": "drop", "topic": "a", "from_s": [-1, 2], "for_s": 86401, "probability": [0.5, 1.5]},
+      {"kind": "drop", "topic": "a", "from_s": [0, 86000], "for_s": [1, 500]},
+      {"kind": "delay", "topic": "a", "from_s": 0, "by_ms": 0},
+      {"kind": "leak", "component": "c", "from_s": 0, "by_mb": 1000001}]})",
+                          "plan.json", errors));
+
+  EXPECT_THAT(
+      errors,
+      ElementsAre(HasSubstr("plan.json: /at_once: expected a number of faults"),
+                  "plan.json: /faults/0/from_s: expected a number in [0, 86400], or a range of "
+                  "these, found 1e+306",
+                  HasSubstr("/faults/1/from_s: expected a number in [0, 86400], or a range"),
+                  HasSubstr("/faults/1/for_s: expected a number in [0, 86400], or a range"),
+                  HasSubstr("/faults/1/probability: expected a number in [0, 1], or a range"),
+                  "plan.json: /faults/2/for_s: expected an end, which is from_s + for_s, of at "
+                  "most 86400 s, found [1,500]",
+                  HasSubstr("/faults/3/by_ms: expected a number in [0.001, 86400000], or a range"),
+                  HasSubstr("/faults/4/by_mb: expected a number in [1, 1000000], or a range")));
+}
+
+TEST(Plan, DrawsNumbersEvenFromTheWidestRange) {
+  const Plan plan = plan_of(R"({"faults": [{"kind": "corrupt", "topic": "a", "field": "x",
+      "as": "value", "value": [-1.7e308, 1.7e308], "from_s": [86399, 86400]}]})");
+
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    const auto json = nlohmann::json::parse(overlay_of(plan.draw(seed), seed).dump());
+    EXPECT_TRUE(json["faults"]["list"][0]["value"].is_number()) << json;
+    EXPECT_LE(json["faults"]["list"][0]["from_s"], 86400) << json;
+  }
+}
+
+TEST(Plan, RefusesAKindThatDoesNothingInSimulatedTime) {
+  std::vector<std::string> errors;
+  EXPECT_FALSE(Plan::read(R"({"faults": [
+      {"kind": "hang", "component": "c", "from_s": 1, "by_ms": 100},
+      {"kind": "slow", "component": "c", "from_s": 1, "by_ms": 100}]})",
+                          "plan.json", errors));
+
+  EXPECT_THAT(errors, ElementsAre(HasSubstr("plan.json: /faults/0/kind: \"hang\" has no effect in "
+                                            "simulated time")));
+}
+
 }  // namespace
 }  // namespace fastcycle::campaign

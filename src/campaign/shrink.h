@@ -26,7 +26,7 @@ using TryAll = std::function<std::vector<Verdict>(const std::vector<Faults>& lis
 
 /// The reduced list of faults.
 struct Shrunk {
-  Faults faults;
+  Faults faults;            ///< Empty: it fails without any fault.
   Verdict verdict;          ///< Of these.
   std::size_t runs = 0;     ///< Number of runs needed.
   bool is_smallest = true;  ///< False if it was ended, or needed too many runs.
@@ -34,7 +34,7 @@ struct Shrunk {
 
 /// Reduces `faults`, which fail as `verdict` says, while they fail in the same way: to the fewest
 /// faults, each to the fewest messages, or to the shortest time, with the least delay. Takes at
-/// most about `most_runs` runs.
+/// most about `most_runs` runs. None is left if the run fails in the same way without any fault.
 ///
 /// The result is minimal in that no single fault and no single message can be removed.
 [[nodiscard]] Shrunk shrink(Faults faults, Verdict verdict, const TryAll& try_all,

@@ -107,6 +107,34 @@ TEST(Shrink, ShortensTheTimeWhereNoReportNamesMessages) {
   EXPECT_LT(left["to_s"].get<double>() - left["from_s"].get<double>(), 0.1);
 }
 
+TEST(Shrink, LeavesNoFaultWhereTheRunFailsWithoutAny) {
+  const TryAll try_all = runs_that_fail([](const Messages&) { return true; });
+  const Faults faults = {drop("x", "a", 1, 3, 1), drop("y", "b", 1, 3, 1)};
+
+  const Shrunk shrunk = shrink(faults, try_all({faults}).front(), try_all, 200);
+
+  EXPECT_TRUE(shrunk.faults.empty());
+  EXPECT_EQ(shrunk.verdict.way, "lost");
+  EXPECT_TRUE(shrunk.is_smallest);
+  EXPECT_EQ(shrunk.runs, 1U);
+}
+
+TEST(Shrink, KeepsTheFaultOfARunThatFailsOtherwiseWithoutAny) {
+  const TryAll try_all = [](const std::vector<Faults>& lists) {
+    std::vector<Verdict> verdicts;
+    for (const Faults& faults : lists) {
+      verdicts.push_back({.way = faults.empty() ? "other" : "lost", .how = {}});
+    }
+    return verdicts;
+  };
+  const Faults faults = {drop("x", "a", 1, 3, 1)};
+
+  const Shrunk shrunk = shrink(faults, try_all({faults}).front(), try_all, 200);
+
+  EXPECT_EQ(shrunk.faults.size(), 1U);
+  EXPECT_EQ(shrunk.verdict.way, "lost");
+}
+
 TEST(Shrink, StopsWhereItTookTooManyRunsOrIsEnded) {
   const TryAll try_all = runs_that_fail([](const Messages& lost) { return lost.size() > 20; });
   const Faults faults = {drop("x", "a", 0, 9, 1)};
@@ -124,7 +152,7 @@ TEST(Shrink, DoesNotTakeOneFailureForAnother) {
   const TryAll try_all = [](const std::vector<Faults>& lists) {
     std::vector<Verdict> verdicts;
     for (const Faults& faults : lists) {
-      const Messages taken = taken_by(faults[0].json);
+      const Messages taken = faults.empty() ? Messages() : taken_by(faults[0].json);
       verdicts.push_back(
           {.way = taken.size() < 5 ? "other" : "lost",
            .how = {},

@@ -78,6 +78,11 @@ bool is_alike(const Failure& one, const Failure& other) {
   return signature(one) == signature(other);
 }
 
+bool fails_without_faults(const std::string& way, const std::vector<Failure>& failures) {
+  return std::ranges::any_of(
+      failures, [&](const Failure& one) { return one.faults.empty() && one.way == way; });
+}
+
 std::string target_of(const ordered_json& fault) {
   return fault.value("topic", fault.value("component", fault.value("process", "")));
 }
@@ -194,6 +199,9 @@ std::string to_text(const Summary& summary) {
     text += fmt::format("\nfailure {}: {} (seed {}, {} runs to shrink it{})\n", i + 1, failure.how,
                         failure.seed, failure.runs,
                         failure.is_smallest ? "" : "; it may become smaller still");
+    if (failure.faults.empty()) {
+      text += fmt::format("  {}\n", kWithoutFaults);
+    }
     for (const DrawnFault& fault : failure.faults) {
       text += "  " + in_words(fault.json) + "\n";
     }
@@ -221,6 +229,7 @@ ordered_json to_json(const Summary& summary) {
                         {"way", failure.way},
                         {"how", failure.how},
                         {"faults", json_of(failure.faults)},
+                        {"fails_without_faults", failure.faults.empty()},
                         {"runs", failure.runs},
                         {"is_smallest", failure.is_smallest},
                         {"overlay", failure.overlay},
@@ -249,7 +258,11 @@ std::string to_junit(const Summary& summary) {
       text += "/>\n";
       continue;
     }
-    text += fmt::format(">\n    <failure message=\"{}\">", to_xml(result.how));
+    std::string message = result.how;
+    if (fails_without_faults(result.way, summary.failures)) {
+      message += fmt::format("; {}", kWithoutFaults);
+    }
+    text += fmt::format(">\n    <failure message=\"{}\">", to_xml(message));
     for (const DrawnFault& fault : result.faults) {
       text += to_xml(in_words(fault.json)) + "\n";
     }

@@ -26,7 +26,7 @@ struct SeedResult {
 /// A failure that was shrunk.
 struct Failure {
   std::uint64_t seed = 0;
-  std::vector<DrawnFault> faults;  ///< The fewest that fail.
+  std::vector<DrawnFault> faults;  ///< The fewest that fail; empty: it needs none.
   std::string way;
   std::string how;
   std::size_t runs = 0;  ///< Needed for shrinking.
@@ -39,6 +39,12 @@ struct Failure {
 /// Whether they are of one kind: they fail in the same way, by the same kinds of faults on the same
 /// targets, with as many messages.
 [[nodiscard]] bool is_alike(const Failure& one, const Failure& other);
+
+/// What is said of a failure that needs no fault.
+inline constexpr const char* kWithoutFaults = "fails without any fault";
+/// Whether a run that fails in this way fails without any fault too, according to `failures`.
+[[nodiscard]] bool fails_without_faults(const std::string& way,
+                                        const std::vector<Failure>& failures);
 
 /// Short text of a fault: `drop lidar/points, messages 41 42`.
 [[nodiscard]] std::string in_words(const nlohmann::ordered_json& fault);

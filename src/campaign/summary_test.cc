@@ -74,6 +74,22 @@ TEST(CampaignSummary, IsXmlAndHtmlWhateverNamesContain) {
   EXPECT_THAT(page, HasSubstr("class=\"fail\""));
 }
 
+TEST(CampaignSummary, SaysThatARunFailsWithoutAnyFault) {
+  Summary without = summary();
+  without.failures[0].faults.clear();
+  const std::string words = "fails without any fault";
+
+  EXPECT_THAT(to_text(without), HasSubstr("to shrink it)\n  " + words + "\n  fastcycle run x\n"));
+  EXPECT_THAT(to_page(without), HasSubstr("<li>" + words + "</li>"));
+  EXPECT_THAT(to_junit(without), HasSubstr("message=\"a is &quot;3&quot;; " + words + "\""));
+  EXPECT_EQ(to_json(without)["failures"][0]["fails_without_faults"], true);
+
+  EXPECT_THAT(to_text(summary()), Not(HasSubstr(words)));
+  EXPECT_THAT(to_page(summary()), Not(HasSubstr(words)));
+  EXPECT_THAT(to_junit(summary()), Not(HasSubstr(words)));
+  EXPECT_EQ(to_json(summary())["failures"][0]["fails_without_faults"], false);
+}
+
 TEST(CampaignSummary, KeepsAResultInALine) {
   const SeedResult result = summary().results[1];
   const SeedResult again = result_of(to_line(result));

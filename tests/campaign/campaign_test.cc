@@ -198,6 +198,31 @@ TEST_F(Campaign, BeginsNothingWithoutAnApplication) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "nothing"));
 }
 
+TEST_F(Campaign, BlamesNoFaultForAFailureWithoutAny) {
+  Process process(campaign({"--seeds", "2", "--no-logs"}, "tracks_lost == -1"));
+
+  EXPECT_EQ(process.wait().exit_code, 1) << process.errors();
+  EXPECT_THAT(process.output() + process.errors(), HasSubstr("fails without any fault"));
+  const json said = summary();
+  ASSERT_EQ(said["failures"].size(), 1U) << said.dump(1);
+  EXPECT_EQ(said["failures"][0]["fails_without_faults"], true);
+}
+
+TEST_F(Campaign, LeavesWhatIsNotItsOwnAlone) {
+  std::filesystem::create_directories(folder_ / "found/runs/seed_1");
+  folder_.write("found/runs/seed_1/mine.txt", "precious");
+  Process folder(campaign({"--seeds", "2"}));
+
+  EXPECT_EQ(folder.wait().exit_code, 2) << folder.errors();
+  EXPECT_THAT(folder.errors(), HasSubstr("contains no campaign"));
+  EXPECT_EQ(test::read_file(folder_ / "found/runs/seed_1/mine.txt"), "precious");
+
+  const std::string plan = test::read_file(folder_ / "plan.json");
+  Process file(campaign({"--seeds", "2", "--junit", "plan.json"}, "tracks_lost == 0", "other"));
+  EXPECT_EQ(file.wait().exit_code, 2) << file.errors();
+  EXPECT_EQ(test::read_file(folder_ / "plan.json"), plan);
+}
+
 TEST_F(Campaign, EndsWhereItsFolderCannotBeWrittenAndBlamesNoSeed) {
   folder_.write("found", "a file, where the campaign wants its folder");
   Process process(campaign({"--seeds", "5"}, "tracks_lost == 0", "found"));

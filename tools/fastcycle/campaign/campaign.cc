@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
@@ -12,12 +13,15 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include "campaign/children.h"
@@ -153,6 +157,13 @@ class Campaign {
         judges_(std::move(judges)),
         plan_text_(std::move(plan_text)),
         children_(options.jobs, *parse_duration(options.wall_limit)) {}
+  Campaign(const Campaign&) = delete;
+  Campaign& operator=(const Campaign&) = delete;
+  ~Campaign() {
+    if (folder_ >= 0) {
+      ::close(folder_);
+    }
+  }
 
   void stop() noexcept { children_.stop(); }
 
@@ -201,17 +212,57 @@ class Campaign {
             {"for", options_.limit}};
   }
 
+  [[nodiscard]] fs::path identity_file() const { return options_.out / "campaign.json"; }
+  [[nodiscard]] fs::path results_file() const { return options_.out / "results.jsonl"; }
+
+  [[nodiscard]] ReportFile junit_file() const {
+    std::vector<fs::path> inputs = options_.configuration.load.overlays;
+    inputs.insert(inputs.end(), {options_.configuration.load.file, options_.plan, identity_file(),
+                                 results_file()});
+    for (const config::ComponentDescription& component : application_.components) {
+      inputs.emplace_back(component.place.file);  // Of an included application.
+    }
+    return ReportFile(options_.junit, std::move(inputs));
+  }
+
+  /// Makes the folder and takes it for this campaign alone; why not, or nothing.
+  std::string take_folder() {
+    const std::string name = options_.out.string();
+    std::error_code error;
+    fs::create_directories(options_.out, error);
+    if (error) {
+      return fmt::format("{}: {}", name, error.message());
+    }
+    folder_ = ::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (folder_ < 0) {
+      return fmt::format("{}: {}", name, std::generic_category().message(errno));
+    }
+    // Of the folder itself: a file to lock would have to be created in one that may be another's.
+    // Some network file systems have no such lock; there nothing keeps two campaigns apart.
+    if (::flock(folder_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      return name +
+             " is in use by another campaign; wait until that has ended, or name another --out";
+    }
+    const bool is_empty = fs::is_empty(options_.out, error);
+    if (error) {
+      return fmt::format("{}: {}", name, error.message());
+    }
+    if (!is_empty && !fs::exists(identity_file(), error)) {
+      return name +
+             " is not empty and contains no campaign; name a new folder with --out, or empty it";
+    }
+    return {};
+  }
+
   /// Makes the folder, or goes on with what is there; why not, or nothing.
   std::string open() {
-    std::error_code error;
-    fs::create_directories(options_.out / "runs", error);
-    if (error) {
-      return fmt::format("{}: {}", options_.out.string(), error.message());
+    if (std::string why = take_folder(); !why.empty()) {
+      return why;
     }
-    if (const std::string why = ReportFile(options_.junit).find_obstacle(); !why.empty()) {
+    if (const std::string why = junit_file().find_obstacle(); !why.empty()) {
       return options_.junit.string() + " cannot be written: " + why;  // It may be in that folder.
     }
-    const fs::path known = options_.out / "campaign.json";
+    const fs::path known = identity_file();
     const ordered_json own = identity();
     if (const auto text = content_of(known)) {
       const ordered_json other = ordered_json::parse(*text, nullptr, false);
@@ -227,7 +278,12 @@ class Campaign {
     } else if (const std::string why = ReportFile(known).write(own.dump(2) + "\n"); !why.empty()) {
       return fmt::format("{}: {}", known.string(), why);
     }
-    std::ifstream lines(options_.out / "results.jsonl");
+    std::error_code error;
+    fs::create_directories(options_.out / "runs", error);
+    if (error) {
+      return fmt::format("{}: {}", (options_.out / "runs").string(), error.message());
+    }
+    std::ifstream lines(results_file());
     for (std::string line; std::getline(lines, line);) {
       try {
         SeedResult result = campaign::result_of(line);
@@ -241,9 +297,8 @@ class Campaign {
     for (const auto& [seed, result] : results_) {
       text += campaign::to_line(result) + "\n";
     }
-    if (const std::string why = ReportFile(options_.out / "results.jsonl").write(text);
-        !why.empty()) {
-      return fmt::format("{}: {}", (options_.out / "results.jsonl").string(), why);
+    if (const std::string why = ReportFile(results_file()).write(text); !why.empty()) {
+      return fmt::format("{}: {}", results_file().string(), why);
     }
     return {};
   }
@@ -324,7 +379,7 @@ class Campaign {
                              options_.seeds));
     }
     bool is_wrong = false;
-    std::ofstream lines(options_.out / "results.jsonl", std::ios::app);
+    std::ofstream lines(results_file(), std::ios::app);
     const auto began = std::chrono::steady_clock::now();
     std::size_t done = 0;
     std::size_t failed = 0;
@@ -359,8 +414,7 @@ class Campaign {
                             .how = verdict.how,
                             .wall_s = end.wall_s};
           if (!(lines << campaign::to_line(result) << std::endl)) {
-            throw std::runtime_error(
-                fmt::format("{} cannot be written", (options_.out / "results.jsonl").string()));
+            throw std::runtime_error(fmt::format("{} cannot be written", results_file().string()));
           }
           ++done;
           if (verdict.has_failed()) {
@@ -438,6 +492,9 @@ class Campaign {
       if (children_.is_stopped() || failures_.size() >= options_.most_failures) {
         break;
       }
+      if (campaign::fails_without_faults(result->way, failures_)) {
+        continue;  // Nothing is left of this one either.
+      }
       print_line(fmt::format("shrinking seed {}: {}", result->seed, result->how));
       const campaign::TryAll try_them = [&](const std::vector<Faults>& lists) {
         return try_all(lists, result->seed);
@@ -463,6 +520,9 @@ class Campaign {
                       .overlay = {},
                       .log = {},
                       .command = {}};
+      if (failure.faults.empty()) {
+        print_line(fmt::format("seed {} {}", failure.seed, campaign::kWithoutFaults));
+      }
       if (std::ranges::none_of(failures_, [&](const Failure& other) {
             return campaign::is_alike(failure, other);
           })) {
@@ -530,16 +590,17 @@ class Campaign {
       }
     }
     std::string problems;
-    const auto write = [&](const fs::path& file, const std::string& text) {
-      if (const std::string why = ReportFile(file).write(text); !why.empty()) {
+    const auto note = [&](const fs::path& file, const std::string& why) {
+      if (!why.empty()) {
         problems += fmt::format("fastcycle campaign: {} was not written: {}\n", file.string(), why);
       }
     };
+    const auto write = [&](const fs::path& file, const std::string& text) {
+      note(file, ReportFile(file).write(text));
+    };
     write(options_.out / "summary.json", campaign::to_json(summary).dump(2) + "\n");
     write(options_.out / "index.html", campaign::to_page(summary));
-    if (!options_.junit.empty()) {
-      write(options_.junit, campaign::to_junit(summary));
-    }
+    note(options_.junit, junit_file().write(campaign::to_junit(summary)));
     print_text(stdout, campaign::to_text(summary));
     print_text(stderr, problems);
     const bool is_complete = summary.results.size() == options_.seeds;
@@ -582,6 +643,7 @@ class Campaign {
   const std::vector<campaign::Judge> judges_;
   const std::string plan_text_;
   Children children_;
+  int folder_ = -1;                              ///< Locked.
   std::map<std::uint64_t, SeedResult> results_;  ///< By seed.
   std::vector<Failure> failures_;
 };
@@ -648,7 +710,9 @@ Command add_campaign(CLI::App& program) {
   line->add_option("--seeds", options->seeds, "Number of seeds (100)")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{10'000'000}))
       ->type_name("N");
-  line->add_option("--first-seed", options->first_seed, "The first seed (1)")->type_name("N");
+  line->add_option("--first-seed", options->first_seed, "The first seed (1)")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("N");
   line->add_option("--judge", options->judges,
                    "Condition on the report of each run: 'collisions == 0' (repeatable)")
       ->allow_extra_args(false)
@@ -667,9 +731,11 @@ Command add_campaign(CLI::App& program) {
       ->type_name("TIME");
   line->add_option("--shrink-runs", options->shrink_runs,
                    "Maximum number of runs to reduce one failure (300)")
+      ->check(CLI::NonNegativeNumber)
       ->type_name("N");
   line->add_option("--most-failures", options->most_failures,
                    "Maximum number of different failures to reduce (16)")
+      ->check(CLI::NonNegativeNumber)
       ->type_name("N");
   line->add_option("--junit", options->junit, "Write the results as JUnit XML, for CI")
       ->type_name("FILE");
