@@ -13,6 +13,7 @@ namespace fastcycle::mcap {
 namespace {
 
 constexpr std::size_t kReadAheadBytes = std::size_t{256} << 10U;
+constexpr const char* kEndOfFile = "the end of the file";
 
 /// Records that may be large.
 bool is_bulk(Opcode opcode) {
@@ -66,6 +67,10 @@ Bytes Window::view(std::uint64_t offset, std::size_t size) {
   begin_ = offset;
   source_.read(offset, bytes_);
   return Bytes(bytes_).first(size);
+}
+
+bool is_behind_end(const Problem& problem) {
+  return problem.record.empty() && problem.expected == kEndOfFile;
 }
 
 Bytes uncompress(const Chunk& chunk, const ReadOptions& options, const Place& place,
@@ -167,7 +172,7 @@ void RecordReader::read_end() {
     damaged("", "the magic bytes of MCAP at the end", shown(text_of(bytes)));
   }
   if (left > kMagic.size()) {
-    damaged("", "the end of the file", fmt::format("{} more bytes", left - kMagic.size()));
+    damaged("", kEndOfFile, fmt::format("{} more bytes", left - kMagic.size()));
   }
   stop_ = {.reason = Stop::Reason::kEnd, .problem = {}};
 }

@@ -184,6 +184,9 @@ class RecordReader {
   std::vector<std::byte> uncompressed_;
 };
 
+/// Whether `problem`, of a `RecordReader`, is that something follows the end of a whole file.
+[[nodiscard]] bool is_behind_end(const Problem& problem);
+
 /// Makes the records of `chunk` readable: returns `chunk.records` themselves, or fills `memory`.
 ///
 /// @errors  `Damage` at `place`: unknown compression, a wrong CRC, sizes that contradict `limits`

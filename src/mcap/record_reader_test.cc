@@ -275,6 +275,14 @@ TEST(RecordReader, RecordsStandOnlyWhereTheyMay) {
   EXPECT_THAT(damage_of(file_of("") + magic()), HasSubstr("found 8 more bytes"));
 }
 
+TEST(RecordReader, WhatFollowsTheEndIsToldFromAMissingEnd) {
+  const std::string whole = file_of("");
+
+  EXPECT_TRUE(is_behind_end(stream(whole + whole).stop.problem));
+  EXPECT_FALSE(is_behind_end(stream(whole.substr(0, whole.size() - 1)).stop.problem));
+  EXPECT_FALSE(is_behind_end(stream(whole).stop.problem));
+}
+
 TEST(RecordReader, OnlyDefinitionsAndMessagesStandInChunks) {
   for (const std::string& record :
        {one_chunk(), encoded(Metadata{}), encoded(DataEnd{}), raw_record(0, "")}) {

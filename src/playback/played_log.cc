@@ -22,6 +22,7 @@
 #include "fastcycle/version.h"
 #include "inspect/frame.h"
 #include "inspect/refusal.h"
+#include "record/recorded_schedule.h"
 
 namespace fastcycle::playback {
 namespace {
@@ -50,12 +51,21 @@ bool is_shown(const RecordedStream& stream) {
   return stream.encoding == "protobuf" && !stream.type.empty() && !stream.schema.empty();
 }
 
+/// @errors  `std::runtime_error` if one of them is there twice.
+const std::vector<std::filesystem::path>& each_once(
+    const std::vector<std::filesystem::path>& files) {
+  if (const std::string twice = record::find_named_twice(files); !twice.empty()) {
+    throw std::runtime_error(twice);
+  }
+  return files;
+}
+
 }  // namespace
 
 PlayedLog::PlayedLog(const std::vector<std::filesystem::path>& files, Options options)
     : on_problem_(std::move(options.on_problem)),
       name_(name_of(files)),
-      reader_(files),
+      reader_(each_once(files)),
       backwards_(files),
       begin_(reader_.begin()),
       end_(std::max(reader_.begin(), reader_.end())),

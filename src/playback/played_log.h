@@ -50,7 +50,7 @@ class PlayedLog {
   static constexpr double kMaxSpeed = 1000.0;
 
   /// @errors  `mcap::Error` if a file cannot be read; `std::runtime_error` if none of the files has
-  ///          a message in protobuf.
+  ///          a message in protobuf, or if one is named twice.
   PlayedLog(const std::vector<std::filesystem::path>& files, Options options);
   PlayedLog(const PlayedLog&) = delete;
   PlayedLog& operator=(const PlayedLog&) = delete;

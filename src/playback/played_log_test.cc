@@ -7,6 +7,7 @@
 #include <fstream>
 #include <map>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -257,6 +258,12 @@ TEST_F(ARecording, GivesWhoComesWhileItPlaysTheLastMessageAndAllBehindIt) {
       of_second = message->second;
     }
   }
+}
+
+TEST_F(ARecording, IsNotTakenTwice) {
+  const std::vector files{file_, file_};
+
+  EXPECT_THROW(PlayedLog(files, {}), std::runtime_error);
 }
 
 TEST_F(ARecording, TellsWhatCannotBeReadOnceAndGoesOnElsewhere) {

@@ -2,15 +2,18 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <set>
 #include <utility>
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include "log/log.pb.h"
 #include "mcap/error.h"
 #include "mcap/file.h"
 #include "mcap/reader.h"
 #include "record/log_format.h"
+#include "record/recording_reader.h"
 
 namespace fastcycle::record {
 namespace {
@@ -117,7 +120,93 @@ void take_activations(const mcap::Source& source, const mcap::Reader& reader,
   }
 }
 
+/// What tells of which run a file is, and what it has of it.
+struct FileOfRun {
+  std::string name;
+  std::vector<std::string> run;  ///< Facts that all files of one run share; empty: unknown.
+  std::uint64_t begin_ns = 0;
+  std::uint64_t end_ns = 0;
+  std::set<std::pair<std::string, std::string>> streams;  ///< Topic and publisher.
+
+  [[nodiscard]] bool overlaps(const FileOfRun& other) const {
+    return begin_ns <= other.end_ns && other.begin_ns <= end_ns;
+  }
+};
+
+FileOfRun look_at(const std::filesystem::path& path) {
+  const mcap::FileSource source(path);
+  const mcap::Reader reader(source);
+  const mcap::Statistics& statistics = *reader.statistics();
+  FileOfRun file{.name = path.string(),
+                 .run = {},
+                 .begin_ns = statistics.message_start_time_ns,
+                 .end_ns = statistics.message_end_time_ns,
+                 .streams = {}};
+  for (const mcap::MetadataIndex& index : reader.metadata()) {
+    if (index.name != kRunMetadata) {
+      continue;
+    }
+    const auto facts = reader.read(index).metadata;
+    // A recorded replay has the times of the run that it replays.
+    for (const char* const fact : {"application", "host", "start_ns", "clock", "replay.0"}) {
+      const auto found = facts.find(fact);
+      file.run.push_back(found == facts.end() ? std::string() : found->second);
+    }
+    break;
+  }
+  for (const auto& [id, channel] : reader.definitions().channels()) {
+    const auto publisher = channel.metadata.find("publisher");
+    const auto count = statistics.channel_message_counts.find(id);
+    if (publisher != channel.metadata.end() && count != statistics.channel_message_counts.end() &&
+        count->second > 0) {
+      file.streams.emplace(channel.topic, publisher->second);
+    }
+  }
+  return file;
+}
+
 }  // namespace
+
+std::string find_named_twice(const std::vector<std::filesystem::path>& files) {
+  std::map<std::pair<dev_t, ino_t>, std::filesystem::path> seen;
+  for (const std::filesystem::path& path : files) {
+    struct stat status{};
+    if (::stat(path.c_str(), &status) != 0) {
+      continue;  // Opening it says why.
+    }
+    const auto [first, is_new] = seen.try_emplace({status.st_dev, status.st_ino}, path);
+    if (!is_new) {
+      return first->second == path
+                 ? path.string() + " is named twice"
+                 : first->second.string() + " and " + path.string() + " are the same file";
+    }
+  }
+  return {};
+}
+
+std::string find_overlapping_runs(const std::vector<std::filesystem::path>& files,
+                                  const std::vector<RecordedStream>& streams) {
+  std::vector<FileOfRun> before;
+  for (std::size_t i = 0; files.size() > 1 && i < files.size(); ++i) {
+    FileOfRun file = look_at(files[i]);
+    for (const FileOfRun& other : before) {
+      if (file.run.empty() || other.run.empty() || file.run == other.run || !file.overlaps(other)) {
+        continue;
+      }
+      for (const RecordedStream& stream : streams) {
+        const std::pair key(stream.topic, stream.publisher);
+        if (file.streams.contains(key) && other.streams.contains(key)) {
+          return fmt::format(
+              "{} and {} are of different runs at the same time, and \"{}\" published \"{}\" in "
+              "both",
+              other.name, file.name, stream.publisher, stream.topic);
+        }
+      }
+    }
+    before.push_back(std::move(file));
+  }
+  return {};
+}
 
 const RecordedSchedule::Component* RecordedSchedule::find(const std::string& name) const {
   const auto found = std::ranges::find(components, name, &Component::name);

@@ -13,6 +13,19 @@
 
 namespace fastcycle::record {
 
+struct RecordedStream;
+
+/// Which of `files` is there twice, under whatever names, as a sentence; empty if none is. Its
+/// messages would come twice.
+[[nodiscard]] std::string find_named_twice(const std::vector<std::filesystem::path>& files);
+
+/// Which two of `files` are of different runs that overlap in time and have one of `streams` both,
+/// as a sentence; empty if none do. Files that do not name their run are not judged.
+///
+/// @errors  `mcap::Error` if a file cannot be read, or is not valid.
+[[nodiscard]] std::string find_overlapping_runs(const std::vector<std::filesystem::path>& files,
+                                                const std::vector<RecordedStream>& streams);
+
 /// One activation as logged: everything its component could observe except the contents of
 /// messages.
 struct RecordedActivation {

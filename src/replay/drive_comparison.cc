@@ -60,20 +60,27 @@ void DriveComparison::is_published(const detail::PublisherCore& publisher, const
 }
 
 void DriveComparison::has_executed(const std::string& component, std::int64_t time_ns) {
+  executed_ns_[component] = time_ns;
   for (auto& [id, lane] : lanes_) {
     if (lane.change.publisher == component) {
-      lane.executed_ns = time_ns;
       match(lane);
     }
   }
 }
 
+/// The time up to which its component was executed; none if it was not executed yet.
+std::optional<std::int64_t> DriveComparison::executed_ns(const Lane& lane) const {
+  const auto found = executed_ns_.find(lane.change.publisher);
+  return found == executed_ns_.end() ? std::nullopt : std::optional(found->second);
+}
+
 /// Compares the messages that both sides have reached.
 void DriveComparison::match(Lane& lane) {
+  const std::optional<std::int64_t> executed = executed_ns(lane);
   while (!lane.recorded.empty()) {
     const Recorded& recorded = lane.recorded.front();
-    const bool is_awaited = lane.published.empty() &&
-                            (!lane.executed_ns || *lane.executed_ns <= recorded.activation_time_ns);
+    const bool is_awaited =
+        lane.published.empty() && (!executed || *executed <= recorded.activation_time_ns);
     if (is_awaited) {
       return;
     }
@@ -104,8 +111,9 @@ void DriveComparison::add(Lane& lane) {
 void DriveComparison::finish() {
   for (auto& [id, lane] : lanes_) {
     // Messages after the last executed activation were not compared.
-    while (!lane.recorded.empty() && lane.executed_ns &&
-           lane.recorded.front().activation_time_ns <= *lane.executed_ns) {
+    const std::optional<std::int64_t> executed = executed_ns(lane);
+    while (!lane.recorded.empty() && executed &&
+           lane.recorded.front().activation_time_ns <= *executed) {
       ++lane.change.missing;
       lane.recorded.pop_front();
     }

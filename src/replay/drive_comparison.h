@@ -76,18 +76,20 @@ class DriveComparison final : public OutputListener {
     const record::RecordedSchedule::Component* component = nullptr;  ///< Null: not in the log.
     std::deque<Recorded> recorded;
     std::deque<Published> published;
-    std::optional<std::int64_t> executed_ns;  ///< Up to this time.
     TopicChange change;
     FieldChanges fields;
   };
 
   Lane& lane_of(const detail::PublisherCore& publisher);
+  [[nodiscard]] std::optional<std::int64_t> executed_ns(const Lane& lane) const;
   void match(Lane& lane);
   void add(Lane& lane);
   void compare(Lane& lane, const Recorded& recorded, const Published& published);
 
   const record::RecordedSchedule& schedule_;
   std::map<PublisherId, Lane> lanes_;
+  /// By component, also of those without a lane yet: up to this time.
+  std::map<std::string, std::int64_t> executed_ns_;
 };
 
 }  // namespace fastcycle::host

@@ -32,8 +32,15 @@ using record::RecordedActivation;
 
 namespace {
 
+/// Whether a reload took place. One that is refused does nothing; each other one waits for the
+/// threads of the object first, which is recorded also if there are none.
 bool is_reload(const RecordedActivation& activation) {
-  return activation.cause == Cause::kMode && activation.key == detail::to_key(LifeStep::kReload);
+  const auto is_of_threads = [](const detail::ReplayedReads::Entry& entry) {
+    return entry.read.kind == detail::ReadKind::kThreads;
+  };
+  return activation.cause == Cause::kMode && activation.key == detail::to_key(LifeStep::kReload) &&
+         (activation.outcome != detail::Outcome::kDone ||
+          std::ranges::any_of(activation.reads, is_of_threads));
 }
 
 bool is_caused_by_message(const RecordedActivation& activation) {
@@ -1026,7 +1033,9 @@ void ExactReplay::call_lifecycle(Player& player, const RecordedActivation& activ
              {.field = "restart", .recorded = "goes on", .now = "none is under way"});
       }
       return;
-    case LifeStep::kReload:  // Execution ends before it.
+    case LifeStep::kReload:  // It was refused: execution ends before any other.
+      repeat([] {});
+      return;
     case LifeStep::kRollBack:
     case LifeStep::kOther:
       return;

@@ -46,6 +46,8 @@ struct TopicChange {
   std::uint64_t different = 0;
   std::uint64_t missing = 0;  ///< Recorded, but not published.
   std::uint64_t added = 0;    ///< Published, but not recorded.
+  /// Of a shadow: too far ahead of what the other side has published, if it publishes at all.
+  std::uint64_t not_compared = 0;
   std::vector<FieldChange> fields = {};
 
   [[nodiscard]] bool is_equal() const { return different + missing + added == 0; }

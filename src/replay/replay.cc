@@ -15,6 +15,7 @@
 #include "component/steps.h"
 #include "mcap/error.h"
 #include "modes/modes.h"
+#include "record/recorded_schedule.h"
 #include "replay/read_ahead.h"
 #include "replay/stand_in.h"
 
@@ -85,10 +86,34 @@ bool Replay::choose(const config::ApplicationDescription& application,
   if (problems.has_errors()) {
     return false;
   }
+  if (!are_of_one_time(problems)) {
+    return false;
+  }
   warn_of_switches(problems);
   description_ = describe_replay(application, plan_);
   make_prototypes();
   return true;
+}
+
+/// False after adding an error: two runs at once would feed what no run ever published.
+bool Replay::are_of_one_time(config::Problems& problems) const {
+  std::vector<record::RecordedStream> fed;
+  for (std::size_t i = 0; i < plan_.streams.size(); ++i) {
+    if (plan_.streams[i].is_fed()) {
+      fed.push_back(reader_->streams()[i]);
+    }
+  }
+  try {
+    const std::string overlap = record::find_overlapping_runs(options_.files, fed);
+    if (!overlap.empty()) {
+      problems.add(config::make_error(place_of(options_.files.front()), overlap,
+                                      "replay one of them, or other topics of each"));
+    }
+    return overlap.empty();
+  } catch (const mcap::Error& error) {
+    problems.add(config::make_error({}, error.what()));
+    return false;
+  }
 }
 
 /// Components that run repeat their requests of modes; others do not.

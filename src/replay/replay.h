@@ -126,6 +126,7 @@ class Replay final : public ComponentClasses, public detail::Feed {
   bool choose(const config::ApplicationDescription& application,
               const FindConnections& find_connections, config::Problems& problems);
   bool set_range(config::Problems& problems);
+  bool are_of_one_time(config::Problems& problems) const;
   void warn_of_switches(config::Problems& problems) const;
   void make_prototypes();
   void rewind();

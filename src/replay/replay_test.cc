@@ -246,7 +246,8 @@ struct Written {
 /// A file with these messages, a chunk for each, by `publisher`, or by somebody who wrote no names.
 std::filesystem::path write(const std::filesystem::path& file, const std::string& publisher,
                             const std::vector<Written>& messages,
-                            const std::map<std::string, std::string>& end = {}) {
+                            const std::map<std::string, std::string>& end = {},
+                            const std::map<std::string, std::string>& run = {}) {
   mcap::FileSink sink(file);
   mcap::Writer writer(sink, {.library = "test"});
   writer.add(mcap::Schema{.id = 1,
@@ -279,6 +280,9 @@ std::filesystem::path write(const std::filesystem::path& file, const std::string
                                 .publish_time_ns = published_ns},
                                mcap::bytes_of(bytes)});
     writer.flush();
+  }
+  if (!run.empty()) {
+    writer.write(mcap::Metadata{.name = "fastcycle.run", .metadata = run});
   }
   writer.write(mcap::Metadata{.name = "fastcycle.end", .metadata = end});
   writer.close();
@@ -827,6 +831,28 @@ TEST_F(Replays, AMissingFileIsAnErrorWithTheNameOfTheUnfinishedOne) {
   std::ofstream(folder_ / "drive.mcap.active") << "x";
   EXPECT_EQ(prepare(kListening, {.files = {folder_ / "drive.mcap"}}), nullptr);
   EXPECT_THAT(said(), HasSubstr("it is " + (folder_ / "drive.mcap.active").string()));
+}
+
+TEST_F(Replays, RunsThatOverlapInTimeAndPublishersAreAnError) {
+  const std::map<std::string, std::string> one{{"start_ns", "900"}};
+  const std::map<std::string, std::string> another{{"start_ns", "1500"}};
+  const auto begin = write(folder_ / "a_0001.mcap", "driver",
+                           {{"numbers", 1, 1'000, 1}, {"numbers", 2, 2'000, 2}}, {}, one);
+  const auto end = write(folder_ / "a_0002.mcap", "driver",
+                         {{"numbers", 3, 2'000, 3}, {"numbers", 4, 4'000, 4}}, {}, one);
+  const auto other = write(folder_ / "b.mcap", "driver",
+                           {{"numbers", 1, 1'500, 5}, {"numbers", 2, 1'700, 6}}, {}, another);
+  const auto tool =
+      write(folder_ / "c.mcap", "fastcycle/inspect", {{"numbers", 1, 1'600, 7}}, {}, another);
+
+  EXPECT_EQ(prepare(kListening, {.files = {begin, end, other}}), nullptr);
+  EXPECT_THAT(said(), HasSubstr(begin.string() + " and " + other.string() +
+                                " are of different runs at the same time, and \"driver\" "
+                                "published \"numbers\" in both"));
+
+  EXPECT_NE(prepare(kListening, {.files = {begin, end}}), nullptr) << said();
+  EXPECT_NE(prepare(kListening, {.files = {end, other}}), nullptr) << "one after the other";
+  EXPECT_NE(prepare(kListening, {.files = {begin, tool}}), nullptr) << said();
 }
 
 TEST_F(Replays, WhatIsNoRecordingIsAnError) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace fastcycle::trace {
@@ -90,6 +91,14 @@ void TraceFile::write_chunks() {
   }
 }
 
+/// Whether its name leads to it, and it is no stream. While it is open.
+bool TraceFile::has_own_name() const {
+  struct stat own{};
+  struct stat named{};
+  return ::fstat(output_->descriptor(), &own) == 0 && ::lstat(file_.c_str(), &named) == 0 &&
+         S_ISREG(own.st_mode) && own.st_dev == named.st_dev && own.st_ino == named.st_ino;
+}
+
 void TraceFile::close() {
   {
     const std::lock_guard lock(mutex_);
@@ -99,12 +108,18 @@ void TraceFile::close() {
   if (std::exchange(is_started_, false)) {
     writing_.join();
   }
-  if (output_) {
-    try {
-      output_->close();
-    } catch (const std::runtime_error& error) {
-      problem_ = problem_.empty() ? error.what() : problem_;
-    }
+  if (!output_ || output_->descriptor() < 0) {
+    return;
+  }
+  const bool may_be_removed = has_own_name();
+  try {
+    output_->close();
+  } catch (const std::runtime_error& error) {
+    problem_ = problem_.empty() ? error.what() : problem_;
+  }
+  if (!problem_.empty() && may_be_removed && ::unlink(file_.c_str()) == 0) {
+    problem_ += "; it was removed";
+    written_ = 0;
   }
 }
 

@@ -38,11 +38,11 @@ class TraceFile {
   /// With `waits` it waits for room.
   bool append(std::string_view bytes, bool waits);
 
-  /// Writes the buffer, and closes the file.
+  /// Writes the buffer, and closes the file. A regular file that could not be written is removed.
   void close();
 
   [[nodiscard]] const std::filesystem::path& file() const noexcept { return file_; }
-  /// Size of the file in bytes. When closed.
+  /// Size of the file in bytes; 0 if it was removed. When closed.
   [[nodiscard]] std::uint64_t written() const noexcept { return written_; }
   /// An error; empty if there was none. When closed.
   [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
@@ -52,6 +52,7 @@ class TraceFile {
 
   void write_chunks();
   bool write(std::string_view bytes);
+  [[nodiscard]] bool has_own_name() const;
 
   const std::filesystem::path file_;
   const std::uint64_t buffer_bytes_;

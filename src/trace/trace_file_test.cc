@@ -1,8 +1,11 @@
 #include "trace/trace_file.h"
 
+#include <csignal>
+#include <filesystem>
 #include <stdexcept>
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 
 #include "config/test_folder.h"
@@ -10,6 +13,26 @@
 
 namespace fastcycle::trace {
 namespace {
+
+/// No file may grow beyond `bytes` meanwhile, as on a full disk.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t bytes) {
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{.rlim_cur = bytes, .rlim_max = before_.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+  ~FullDisk() {
+    ::setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+
+ private:
+  rlimit before_{};
+  void (*handler_)(int) = std::signal(SIGXFSZ, SIG_IGN);
+};
 
 TEST(ATraceFile, HoldsAllThatWasTakenInItsOrder) {
   const config::TestFolder folder;
@@ -70,6 +93,42 @@ TEST(ATraceFile, ThatCannotBeWrittenSaysSoAndTakesNothingMore) {
   file.close();
 
   EXPECT_NE(file.problem().find("/dev/full: "), std::string::npos) << file.problem();
+}
+
+TEST(ATraceFile, ThatCannotBeWrittenCompletelyIsRemoved) {
+  const config::TestFolder folder;
+  TraceFile file(folder / "a.pftrace", 1'000'000);
+  file.open();
+  std::vector<base::Refusal> refusals;
+  {
+    const FullDisk disk(1000);
+    file.start(refusals);
+    EXPECT_TRUE(file.append(std::string(100'000, 'a'), false));
+    file.close();
+  }
+
+  EXPECT_NE(file.problem().find("a.pftrace: "), std::string::npos) << file.problem();
+  EXPECT_NE(file.problem().find("it was removed"), std::string::npos) << file.problem();
+  EXPECT_FALSE(std::filesystem::exists(folder / "a.pftrace"));
+  EXPECT_EQ(file.written(), 0U);
+}
+
+TEST(ATraceFile, ThatCannotBeWrittenLeavesAnotherFileOfItsNameAlone) {
+  const config::TestFolder folder;
+  TraceFile file(folder / "a.pftrace", 1'000'000);
+  file.open();
+  std::filesystem::rename(folder / "a.pftrace", folder / "b.pftrace");
+  folder.write("a.pftrace", "another");
+  std::vector<base::Refusal> refusals;
+  {
+    const FullDisk disk(1000);
+    file.start(refusals);
+    EXPECT_TRUE(file.append(std::string(100'000, 'a'), false));
+    file.close();
+  }
+
+  EXPECT_NE(file.problem(), "");
+  EXPECT_EQ(bytes_of(folder / "a.pftrace"), "another");
 }
 
 TEST(ATraceFile, ThatCannotBeMadeIsAnError) {

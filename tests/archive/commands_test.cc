@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 using nlohmann::json;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 /// Logs in a folder of their own, and what came of the last command.
@@ -313,6 +314,21 @@ TEST_F(Commands, RecoverSaysWhatBecameOfAFile) {
   EXPECT_THAT(errors_, HasSubstr("nothing could be recovered from none.mcap"));
   EXPECT_FALSE(exists("4.mcap"));
   EXPECT_EQ(files(), 7);
+}
+
+TEST_F(Commands, RecoverCountsASecondLogInTheFileAsLost) {
+  const std::string log = good_log();
+  write("two.mcap", log + log);
+
+  EXPECT_EQ(run({"recover", "two.mcap", "1.mcap"}), 3);
+
+  const std::string bytes = std::to_string(log.size());
+  EXPECT_THAT(errors_, HasSubstr(": expected the end of the file, found " + bytes +
+                                 " more bytes, another log from byte " + bytes + " on"));
+  EXPECT_THAT(errors_, HasSubstr("lost "));
+  EXPECT_THAT(errors_, Not(HasSubstr("mended")));
+  EXPECT_THAT(output_, HasSubstr("1.mcap: 12 messages"));
+  EXPECT_THAT(output_, HasSubstr(" at 1 place, an unknown number of messages"));
 }
 
 TEST_F(Commands, DoctorNamesWhatIsWrong) {

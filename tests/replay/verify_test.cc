@@ -304,6 +304,8 @@ TEST_F(Verify, WhatIsWrongIsSaid) {
   EXPECT_THAT(errors_, HasSubstr("did you mean \"adder\""));
   EXPECT_EQ(fastcycle({"verify", "nowhere.mcap"}), 2);
   EXPECT_THAT(errors_, HasSubstr("nowhere.mcap"));
+  EXPECT_EQ(fastcycle({"verify", "live.mcap", "live.mcap"}), 2);
+  EXPECT_THAT(errors_, HasSubstr("live.mcap is named twice"));
   EXPECT_EQ(fastcycle({"verify", "app.json"}), 2);
   EXPECT_THAT(errors_, HasSubstr("expects a log"));
   EXPECT_EQ(fastcycle({"verify", "live.mcap", "--workers", "0"}), 2);

@@ -1,11 +1,14 @@
 #include "drive_page.h"
 
 #include <cstdio>
-#include <fstream>
-#include <sstream>
+#include <optional>
 #include <stdexcept>
+#include <string>
+#include <utility>
 
 #include "base/html.h"
+#include "config/parse.h"
+#include "config/problem.h"
 #include "page.h"
 #include "print.h"
 
@@ -15,13 +18,12 @@ DriveView DriveView::read(const std::filesystem::path& path) {
   if (path.empty()) {
     return {.text = std::string(page_view()), .name = "its own view"};
   }
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file) {
-    throw std::runtime_error(path.string() + ": cannot be read");
+  config::Problems problems;
+  std::optional<std::string> text = config::read_file(path, {}, problems);
+  if (!text) {
+    throw std::runtime_error(problems.all().front().message);
   }
-  return {.text = text.str(), .name = path.string()};
+  return {.text = *std::move(text), .name = path.string()};
 }
 
 bool has_drive_page(const std::string& command) {

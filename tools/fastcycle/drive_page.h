@@ -15,7 +15,7 @@ struct DriveView {
 
   /// An empty `path` selects the page's default view.
   ///
-  /// @errors  `std::runtime_error` if it cannot be read.
+  /// @errors  `std::runtime_error` if it cannot be read: see `config::read_file`.
   static DriveView read(const std::filesystem::path& path);
 };
 

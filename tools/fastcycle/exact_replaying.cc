@@ -80,6 +80,9 @@ std::string ExactReplaying::find_wrong() {
   if (files.empty()) {
     return "expects a log: drive.mcap, or drive.mcap app.json";
   }
+  if (const std::string twice = record::find_named_twice(files); !twice.empty()) {
+    return twice;
+  }
   options.files = files;
   options.input = input == "new" ? host::ExactReplayOptions::Input::kNew
                                  : host::ExactReplayOptions::Input::kRecorded;

@@ -1,15 +1,24 @@
 #include "archive/recover.h"
 
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include <fmt/format.h>
 
 #include "archive/output_file.h"
 #include "command.h"
 #include "file_work.h"
 #include "mcap/file.h"
+#include "mcap/record_reader.h"
+#include "mcap/records.h"
 #include "print.h"
 #include "quantity.h"
 #include "rewriting.h"
@@ -24,6 +33,28 @@ struct RecoverOptions {
   bool is_forced = false;
   bool is_quiet = false;
 };
+
+/// Whatever follows the end of the log, such as a second log, is not in the new one: it is no end
+/// that was mended, but lost.
+void count_what_follows(const mcap::Source& input, archive::Recovery& recovery) {
+  const auto found = std::ranges::find_if(recovery.mended, mcap::is_behind_end);
+  if (found == recovery.mended.end()) {
+    return;
+  }
+  const std::uint64_t begin = found->place.offset + mcap::kMagic.size();
+  archive::Loss loss{.problem = *found, .bytes = input.size() - begin, .messages = {}};
+  recovery.mended.erase(found);
+  std::array<std::byte, mcap::kMagic.size()> magic{};
+  if (loss.bytes >= magic.size()) {
+    input.read(begin, magic);
+  }
+  if (magic == mcap::kMagic) {
+    loss.problem.found += fmt::format(", another log from byte {} on", begin);
+  }
+  ++recovery.loss_count;
+  recovery.lost_bytes += loss.bytes;
+  recovery.losses.push_back(std::move(loss));
+}
 
 void print(const archive::Recovery& recovery) {
   for (const mcap::Problem& problem : recovery.mended) {
@@ -72,6 +103,7 @@ int recover(const RecoverOptions& options) {
       output.commit();
     }
   }
+  count_what_follows(input, recovery);
   print(recovery);
   if (recovery.is_hopeless()) {
     print_to(stderr, "fastcycle recover: nothing could be recovered from {}\n",

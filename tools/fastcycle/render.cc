@@ -15,6 +15,7 @@
 #include "log_files.h"
 #include "print.h"
 #include "quantity.h"
+#include "record/recorded_schedule.h"
 #include "rewriting.h"
 
 namespace fastcycle::tool {
@@ -33,6 +34,9 @@ struct RenderOptions {
 };
 
 int render_log(const RenderOptions& options, const archive::ViewOptions& times) {
+  if (const std::string twice = record::find_named_twice(options.files); !twice.empty()) {
+    return print_error("render", twice);
+  }
   const DriveView view = DriveView::read(options.view);
   const LogFiles log(options.files);
   for (const mcap::Reader* const file : log.readers()) {

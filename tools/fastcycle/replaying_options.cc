@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <string_view>
 
+#include "record/recorded_schedule.h"
+
 namespace fastcycle::tool {
 namespace {
 
@@ -49,6 +51,9 @@ void ReplayingOptions::add_selection_to(CLI::App& line) {
 std::string ReplayingOptions::find_wrong() const {
   if (files.empty() && !into.empty()) {
     return "--replay-into requires --replay FILE";
+  }
+  if (const std::string twice = record::find_named_twice(files); !twice.empty()) {
+    return twice + ": each of its messages would be published twice";
   }
   if (!is_span(start_s) || !is_span(end_s)) {
     return "--start and --end expect seconds from 0 on";
