@@ -40,6 +40,7 @@ void FollowedOutputs::add(Envelope* envelope, std::deque<Envelope*>& here,
   if (there.empty() || there.front()->info.sequence != sequence) {
     here.push_back(envelope);
     if (here.size() > kMost) {
+      comparer_.not_compared(publisher_);
       release(here.front());
       here.pop_front();
     }

@@ -25,6 +25,8 @@ class OutputComparer {
                        const Envelope& own) noexcept = 0;
   /// A message that only one side has published.
   virtual void unmatched(const PublisherCore& publisher, bool is_theirs) noexcept = 0;
+  /// A message that waited while `FollowedOutputs::kMost` later ones came.
+  virtual void not_compared(const PublisherCore& publisher) noexcept = 0;
 };
 
 /// The outputs of one publisher on standby: its own, and those of the publisher that it follows,

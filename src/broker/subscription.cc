@@ -178,6 +178,7 @@ Ledger Subscription::ledger() const {
     const bool is_put_aside = add_decided(decided);  // First: what it counts, the lanes count too.
     ledger = retired_;
     ledger.dropped[static_cast<std::size_t>(DropReason::kInactive)] += inactive.get();
+    ledger.dropped[static_cast<std::size_t>(DropReason::kProcess)] += left_out.get();
     const std::uint64_t lost = lost_on_link.load(std::memory_order_relaxed);
     ledger.published += lost;
     ledger.dropped[static_cast<std::size_t>(DropReason::kLink)] += lost;

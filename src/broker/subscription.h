@@ -106,6 +106,10 @@ class Subscription {
   /// Messages received while the component was not active. Written by its worker.
   Counter inactive;
 
+  /// Messages that a standby took and did not serve: the followed process dropped them, or ended in
+  /// them. Written by its worker.
+  Counter left_out;
+
   /// Messages of another application that never arrived here. Written by external publishers.
   std::atomic<std::uint64_t> lost_on_link{0};
   /// Messages lost by injected faults. Written by gates.

@@ -664,7 +664,14 @@ std::string ComponentCore::obey(LifeStep step) {
 }
 
 void ComponentCore::make_anew() {
-  if (const std::string why_not = try_anew(); !why_not.empty()) {
+  const std::string why_not = try_anew();
+  if (why_not.empty()) {
+    return;
+  }
+  // What it needs may not be back yet: this counts as one more fault.
+  if (description.on_fault == config::OnFault::kRestart) {
+    restart(why_not);
+  } else {
     fail(why_not);
   }
 }

@@ -268,6 +268,65 @@ TEST(RestartsThatAreUsedUp, LeaveTheComponentStopped) {
   }
 }
 
+/// Loses its device in its first callback: so many of the next starts throw.
+int g_starts_that_throw = 0;
+class Unplugged final : public Component {
+ public:
+  explicit Unplugged(Context& context) : Component(context) {}
+  void start() override {
+    if (g_starts_that_throw > 0) {
+      --g_starts_that_throw;
+      throw std::runtime_error("no device");
+    }
+  }
+  void serve() override {
+    if (std::exchange(is_first, false)) {
+      g_starts_that_throw = starts_that_will_throw;
+      throw std::runtime_error("device lost");
+    }
+    ++served;
+  }
+  static inline bool is_first = true;
+  static inline int starts_that_will_throw = 0;
+  static inline int served = 0;
+};
+
+class StartsThatThrow : public ::testing::TestWithParam<int> {
+ protected:
+  StartsThatThrow() {
+    Unplugged::is_first = true;
+    Unplugged::served = 0;
+    Unplugged::starts_that_will_throw = GetParam();
+    classes_.with<Unplugged>("unplugged");
+    application_ = make_application(
+        R"({"name": "t", "components": [{"name": "unplugged", "library": "unplugged",
+            "serve_period_ms": 10, "on_fault": "restart",
+            "restart": {"limit": 3, "within_s": 60, "back_off_ms": 20}}]})",
+        classes_, {.is_simulated = true});
+    application_->start();
+    application_->run(1s);
+    application_->stop();
+  }
+  TestClasses classes_;
+  std::unique_ptr<Application> application_;
+};
+
+TEST_P(StartsThatThrow, AreRepeatedUpToTheLimit) {
+  const detail::ComponentCore& core = *application_->components().front();
+  if (GetParam() < 3) {
+    EXPECT_EQ(core.state, State::kStopped);
+    EXPECT_GT(Unplugged::served, 50);
+    EXPECT_EQ(core.fault_count, 1U + static_cast<unsigned>(GetParam()));
+  } else {
+    EXPECT_EQ(core.state, State::kFailed);
+    EXPECT_EQ(Unplugged::served, 0);
+    EXPECT_EQ(core.last_fault,
+              "its start() threw when it was restarted: no device (restarted 3 times within 60 s: "
+              "it stays stopped)");
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Times, StartsThatThrow, ::testing::Values(0, 1, 2, 3, 10));
+
 TEST(RestartsThatAreUsedUp, StopTheApplicationWhereItSaysSo) {
   std::unique_ptr<Application> application;
   EXPECT_EQ(run_throwing("stop", application), EndReason::kFault);

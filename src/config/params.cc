@@ -80,6 +80,14 @@ bool has_declared_child(const std::string& name, const std::set<std::string>& de
   return next != declared.end() && next->starts_with(name + '.');
 }
 
+/// A param's name as a file has it: `"a": {"b": …}` for a.b.
+std::string nested(const std::string& name) {
+  const std::size_t dot = name.find('.');
+  return dot == std::string::npos
+             ? in_quotes(name) + ": …"
+             : in_quotes(name.substr(0, dot)) + ": {" + nested(name.substr(dot + 1)) + "}";
+}
+
 void check_members(const Value& object, const std::string& prefix,
                    const std::set<std::string>& declared, Problems& problems) {
   for (const auto& [key, value] : object.members()) {
@@ -95,7 +103,9 @@ void check_members(const Value& object, const std::string& prefix,
     }
     Problem problem = make_error(value.place(), "there is no param " + in_quotes(name));
     problem.found = in_quotes(name);
-    problem.hint = name_hint(name, {declared.begin(), declared.end()});
+    problem.hint = has_dot && is_declared(name, declared)
+                       ? "write " + nested(name)
+                       : name_hint(name, {declared.begin(), declared.end()});
     problems.add(std::move(problem));
   }
 }

@@ -142,7 +142,10 @@ TEST_F(ParamsTest, KeyWithADotIsNeverDeclared) {
   EXPECT_EQ(other.read_int64("limits.jerk", 7), 7);
   other.finish();
 
-  EXPECT_NE(text_of(problems).find("there is no param \"limits.jerk\""), std::string::npos);
+  EXPECT_EQ(
+      text_of(problems),
+      "app.json:1: /limits.jerk: there is no param \"limits.jerk\"; write \"limits\": {\"jerk\": "
+      "…}\n");
 }
 
 TEST_F(ParamsTest, SharedOnesAreCheckedWhenAllComponentsAreKnown) {

@@ -822,6 +822,10 @@ void Application::strike(const config::FaultDescription& fault, bool is_over) {
     return;  // It is in another process, or does not run.
   }
   ComponentCore& component = **found;
+  if (fault.kind != config::FaultKind::kSlow && peers_ != nullptr &&
+      !peers_->is_here(peers_->process_of(component.name))) {
+    return;  // A standby, which would meet the fault when it takes over.
+  }
   const bool is_simulated = driver_->is_simulated();
   if (is_simulated ? fault.kind == config::FaultKind::kHang
                    : fault.kind == config::FaultKind::kSlow) {

@@ -229,6 +229,8 @@ class Application final : public ApplicationHost {
   [[nodiscard]] std::vector<ChainReport> chains_of_all_processes() const {
     return peer_news_.chains();
   }
+  /// In the main process, after the stop; see `PeerNews`.
+  [[nodiscard]] std::vector<EarlierRuns> earlier_runs() const { return peer_news_.earlier_runs(); }
   [[nodiscard]] const ParamChanges& params() const { return params_; }
   [[nodiscard]] ParamMutex& param_mutex() override { return params_.mutex(); }
   [[nodiscard]] detail::LogQueue& log_queue() override { return log_queue_; }

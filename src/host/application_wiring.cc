@@ -14,7 +14,8 @@ ApplicationWiring wiring_of(const Application& application) {
            .type = topic->type,
            .component = publisher->owner.name,
            .latched = publisher->options.latched,
-           .credits = publisher->credits() == nullptr ? 0 : publisher->credits()->window});
+           .credits = publisher->credits() == nullptr ? 0 : publisher->credits()->window,
+           .is_external = publisher->options.is_external});
     }
     for (const auto& subscription : topic->subscriptions) {
       if (subscription->kind != detail::Subscription::Kind::kTap) {

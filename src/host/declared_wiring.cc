@@ -13,7 +13,8 @@ std::string to_text(const ApplicationWiring& wiring) {
                           {"type", one.type},
                           {"component", one.component},
                           {"latched", one.latched},
-                          {"credits", one.credits}});
+                          {"credits", one.credits},
+                          {"is_external", one.is_external}});
   }
   nlohmann::json subscriptions = nlohmann::json::array();
   for (const auto& one : wiring.subscriptions) {
@@ -41,7 +42,8 @@ ApplicationWiring wiring_from_text(const std::string& text) {
                                    .type = one.at("type"),
                                    .component = one.at("component"),
                                    .latched = one.at("latched"),
-                                   .credits = one.at("credits")});
+                                   .credits = one.at("credits"),
+                                   .is_external = one.at("is_external")});
     }
     for (const nlohmann::json& one : said.at("subscriptions")) {
       wiring.subscriptions.push_back({.topic = one.at("topic"),

@@ -14,7 +14,8 @@ struct ApplicationWiring {
     std::string type;       ///< Of its messages, the full name.
     std::string component;  ///< The order of several on one topic is significant.
     std::size_t latched = 0;
-    std::size_t credits = 0;  ///< Its window; 0: it uses none.
+    std::size_t credits = 0;   ///< Its window; 0: it uses none.
+    bool is_external = false;  ///< A thread of the component publishes, not its callbacks.
   };
   struct Subscription {
     std::string topic;

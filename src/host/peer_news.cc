@@ -526,6 +526,7 @@ void PeerNews::process_has_ended(const Notice& notice) {
     its.rollbacks_before = its.news.version.rollbacks + (its.news.version.is_on_probation ? 1 : 0);
     its.chains_before = its.news.chains;
     const std::string what = "its process \"" + name + "\" has ended" + why;
+    its.last_end = what;
     ComponentNews news{
         .component = component->index,
         .health = Health::kFailed,
@@ -554,6 +555,23 @@ void PeerNews::process_has_ended(const Notice& notice) {
       on_lost(*component, what);
     }
   }
+}
+
+std::vector<EarlierRuns> PeerNews::earlier_runs() const {
+  std::vector<EarlierRuns> all;
+  for (std::size_t component = 0; component < its_.size(); ++component) {
+    const Its& its = its_[component];
+    if (its.faults_before > 0) {
+      all.push_back({.component = application_.components()[component]->name,
+                     .faults = its.faults_before,
+                     .restarts = its.restarts_before,
+                     .reloads = its.reloads_before,
+                     .rollbacks = its.rollbacks_before,
+                     .last_end = its.last_end,
+                     .chains = its.chains_before});
+    }
+  }
+  return all;
 }
 
 std::vector<ChainReport> PeerNews::chains() const {

@@ -55,6 +55,8 @@ class PeerNews {
   /// In the main process: all chains, with the results of those that end in another one, which are
   /// at most 100 ms old and begin anew with that process. Safe.
   [[nodiscard]] std::vector<ChainReport> chains() const;
+  /// In the main process: of components whose process has ended at least once. When all is over.
+  [[nodiscard]] std::vector<EarlierRuns> earlier_runs() const;
 
  private:
   /// One component.
@@ -68,6 +70,7 @@ class PeerNews {
     std::uint64_t restarts_before = 0;
     std::uint64_t reloads_before = 0;
     std::uint64_t rollbacks_before = 0;
+    std::string last_end = {};
     std::vector<ChainNews> chains_before = {};
     std::uint64_t ended_in = 0;  ///< In simulated time: the round in which the last one did.
   };

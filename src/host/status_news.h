@@ -67,6 +67,17 @@ struct ChainNews {
   std::uint64_t dropped = 0;
 };
 
+/// What a component did in processes that have ended: they report nothing.
+struct EarlierRuns {
+  std::string component = {};
+  std::uint64_t faults = 0;  ///< The ends of its processes are among them.
+  std::uint64_t restarts = 0;
+  std::uint64_t reloads = 0;
+  std::uint64_t rollbacks = 0;
+  std::string last_end = {};
+  std::vector<ChainNews> chains = {};
+};
+
 /// State of a component that only its activations can read, as passed on by it.
 struct ComponentNews {
   std::size_t component = 0;

@@ -76,6 +76,17 @@ class Reasons {
     if (report.count == 0) {
       return;
     }
+    if (options_.policy != SyncPolicy::kExact && report.difference_ms &&
+        *report.difference_ms <= ms(options_.max_difference.count())) {
+      // Some were near enough, but not free.
+      report.text = fmt::format(
+          "{} unmatched: each message of \"{}\" was in another set, or more than max_difference "
+          "({} "
+          "ms) away",
+          report.count, other.topic.name, ms(options_.max_difference.count()));
+      reasons_.push_back(std::move(report));
+      return;
+    }
     report.text = fmt::format(
         "{} unmatched: {} of \"{}\" and \"{}\" differ by at least {} ms, {}", report.count, times_,
         input_.topic.name, other.topic.name, report.difference_ms.value_or(0),

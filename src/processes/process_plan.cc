@@ -164,6 +164,16 @@ void ProcessPlan::find_problems() {
     }
   }
   for (const auto& publisher : wiring_.publishers) {
+    const ProcessIndex its = process_of(publisher.component);
+    if (publisher.is_external && its != kMain && description_of(its).has_standby) {
+      // It repeats callbacks; a thread does not run there, and has no device to go on with.
+      problem_ = fmt::format(
+          "component \"{}\" publishes \"{}\" from a thread of its own, and its process \"{}\" has "
+          "a "
+          "standby, which cannot take a thread over; let the process be restarted instead "
+          "(\"on_exit\": \"restart\"), or publish from a callback",
+          publisher.component, publisher.topic, name(its));
+    }
     for (const auto& subscription : wiring_.subscriptions) {
       const ProcessIndex from = process_of(publisher.component);
       const ProcessIndex to = process_of(subscription.component);

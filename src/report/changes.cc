@@ -70,6 +70,9 @@ ordered_json json_of(const std::vector<TopicChange>& topics, std::int64_t begin_
                     {"missing", topic.missing},
                     {"new", topic.added},
                     {"fields", std::move(fields)}});
+    if (topic.not_compared > 0) {
+      json.back()["not_compared"] = topic.not_compared;
+    }
   }
   return json;
 }
@@ -80,6 +83,10 @@ std::string table_of(const std::vector<TopicChange>& topics, std::int64_t begin_
   for (const TopicChange& topic : topics) {
     text += fmt::format("{:<40} {:>9} {:>9} {:>9} {:>9}\n", topic.topic, topic.compared,
                         topic.different, topic.missing, topic.added);
+    if (topic.not_compared > 0) {
+      text += fmt::format("  {} not compared: nothing near them was published by the other side\n",
+                          topic.not_compared);
+    }
     if (topic.fields.empty()) {
       continue;
     }

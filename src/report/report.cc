@@ -1028,7 +1028,7 @@ std::string processes_text(const std::vector<ProcessReport>& processes) {
       if (link.copied > 0 && reported.insert(link.topic).second) {
         remarks +=
             wrapped(fmt::format("  {}: {} of {} messages were copied for other processes{}{}",
-                                link.topic, link.copied, link.given,
+                                link.topic, link.copied, std::max(link.given, link.copied),
                                 link.always_copied.empty() ? "" : ": ", link.always_copied),
                     "      ");
       }
@@ -1078,6 +1078,7 @@ RunReport make_report(const Application& application, Duration wall) {
     report.modes = report_modes(application);
   }
   report.chains = application.chains().report();
+  report.earlier_runs = application.earlier_runs();
   const Replay* replay = application.replay();
   if (replay != nullptr) {
     report.replay = report_replay(application, *replay);
@@ -1129,6 +1130,10 @@ ordered_json to_json(const RunReport& report) {
   auto components = ordered_json::object();
   for (const ComponentReport& component : report.components) {
     components[component.name] = json_of(component);
+  }
+  // Not by the merged names below, which do not tell who reported a result.
+  for (const ResultReport& result : report.results) {
+    components[result.component]["results"][result.name] = json_of(result.value);
   }
   auto topics = ordered_json::object();
   for (const TopicReport& topic : report.topics) {

@@ -185,8 +185,9 @@ struct RunReport {
   std::optional<ReplayReport> replay;
   std::optional<RecordingReport> recording;
   std::optional<record::FlightReport> flight_recorder;
-  std::vector<ProcessReport> processes;  ///< Empty if there is only one.
-  std::vector<ResultReport> results;     ///< By component, in order.
+  std::vector<ProcessReport> processes;   ///< Empty if there is only one.
+  std::vector<EarlierRuns> earlier_runs;  ///< Of the main process; empty once they are added.
+  std::vector<ResultReport> results;      ///< By component, in order.
   std::vector<ToolReport> tools;
   std::vector<faults::FaultCount> faults;  ///< Injected ones; empty if there were none.
 };

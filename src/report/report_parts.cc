@@ -230,6 +230,15 @@ void pass(Archive& archive, ProcessReport& report) {
   pass_all(archive, report.name, report.cpu_s, report.rss_max_kib, report.restarts, report.links);
 }
 template <typename Archive>
+void pass(Archive& archive, ChainNews& chain) {
+  pass_all(archive, chain.chain, chain.count, chain.breaches, chain.dropped);
+}
+template <typename Archive>
+void pass(Archive& archive, EarlierRuns& runs) {
+  pass_all(archive, runs.component, runs.faults, runs.restarts, runs.reloads, runs.rollbacks,
+           runs.last_end, runs.chains);
+}
+template <typename Archive>
 void pass(Archive& archive, ToolReport& report) {
   pass_all(archive, report.name, report.json, report.table);
 }
@@ -242,7 +251,8 @@ void pass(Archive& archive, RunReport& report) {
   pass_all(archive, report.application, report.clock, report.startup_ms, report.time_s,
            report.wall_s, report.cpu_s, report.rss_max_kib, report.end, report.components,
            report.topics, report.modes, report.chains, report.replay, report.recording,
-           report.flight_recorder, report.processes, report.results, report.tools, report.faults);
+           report.flight_recorder, report.processes, report.results, report.tools, report.faults,
+           report.earlier_runs);
 }
 
 template <typename Archive, typename T>
@@ -317,6 +327,40 @@ RunReport report_from_bytes(std::string_view bytes) {
   return report;
 }
 
+namespace {
+
+/// Adds what the components did in processes that have ended. One that was not restarted has no
+/// report of its own.
+void add_earlier_runs(RunReport& whole, const config::ApplicationDescription& application) {
+  for (EarlierRuns& runs : whole.earlier_runs) {
+    auto known = std::ranges::find(whole.components, runs.component, &ComponentReport::name);
+    if (known == whole.components.end()) {
+      whole.components.push_back({.name = runs.component,
+                                  .state = detail::ComponentCore::State::kFailed,
+                                  .health = Health::kFailed,
+                                  .health_reason = runs.last_end});
+      known = whole.components.end() - 1;
+    }
+    known->faults += runs.faults;
+    known->fault_texts.insert(known->fault_texts.begin(), runs.last_end);
+    known->restarts += runs.restarts;
+    known->version.reloads += runs.reloads;
+    known->version.rollbacks += runs.rollbacks;
+    for (const ChainNews& before : runs.chains) {
+      const auto chain = std::ranges::find(whole.chains, application.chains.at(before.chain).name,
+                                           &ChainReport::name);
+      if (chain != whole.chains.end()) {
+        chain->count += before.count;
+        chain->breaches += before.breaches;
+        chain->dropped += before.dropped;
+      }
+    }
+  }
+  whole.earlier_runs.clear();
+}
+
+}  // namespace
+
 RunReport put_together(std::vector<RunReport> parts,
                        const config::ApplicationDescription& application) {
   RunReport whole = std::move(parts.front());
@@ -363,8 +407,24 @@ RunReport put_together(std::vector<RunReport> parts,
       }
     }
   }
+  add_earlier_runs(whole, application);
+  if (whole.recording) {
+    // The recorder learns of a lost message by the next one: not of the last ones.
+    for (record::RecordedTopic& recorded : whole.recording->topics) {
+      const auto topic = topics.find(recorded.topic);
+      if (topic != topics.end() && topic->second.published > recorded.published) {
+        recorded.process += topic->second.published - recorded.published;
+        recorded.published = topic->second.published;
+      }
+    }
+  }
   whole.topics.clear();
   for (auto& [name, topic] : topics) {
+    // A process that has ended does not report what it published.
+    for (const SubscriberReport& subscriber : topic.subscribers) {
+      topic.published = std::max(topic.published, subscriber.ledger.published);
+    }
+    topic.rate_hz = whole.time_s > 0 ? static_cast<double>(topic.published) / whole.time_s : 0.0;
     if (topic.published > 0 || !topic.subscribers.empty()) {
       whole.topics.push_back(std::move(topic));
     }

@@ -118,7 +118,7 @@ TEST(Report, HasItsKeysInOrder) {
   EXPECT_THAT(keys_of(json["components"]["talker"]),
               ElementsAre("state", "activations", "callback_us", "callbacks", "overruns", "faults",
                           "fault_texts", "restarts", "library", "build_id", "reloads", "rollbacks",
-                          "health", "health_reason", "timer_lateness_us"));
+                          "health", "health_reason", "timer_lateness_us", "results"));
   EXPECT_THAT(keys_of(json["components"]["talker"]["callback_us"]),
               ElementsAre("p50", "p99", "max"));
   EXPECT_THAT(keys_of(json["topics"]["numbers"]),
@@ -198,6 +198,23 @@ TEST(Report, ResultThatTwoComponentsReportKeepsBothValues) {
   EXPECT_EQ(results["listener.count"], 100);
   EXPECT_EQ(results["is_done"], true);
   EXPECT_EQ(results["word"], "fine");
+}
+
+TEST(Report, ComponentHasItsOwnResults) {
+  const ordered_json components = to_json(report_of_a_run())["components"];
+
+  EXPECT_EQ(components["talker"]["results"], ordered_json::parse(R"({"count": 100})"));
+  EXPECT_THAT(keys_of(components["listener"]["results"]),
+              ElementsAre("count", "is_done", "ratio", "word"));
+  EXPECT_EQ(components["listener"]["results"]["count"], 100);
+  EXPECT_TRUE(components["listener"]["results"]["ratio"].is_null());
+}
+
+TEST(Report, ComponentWithoutResultsHasNoKeyForThem) {
+  RunReport report;
+  report.components.push_back({.name = "quiet"});
+
+  EXPECT_FALSE(to_json(report)["components"]["quiet"].contains("results"));
 }
 
 TEST(Report, WhatIsNoNumberIsNull) {

@@ -211,7 +211,7 @@ void FollowedComponent::skip(const FollowedActivation& activation, std::string_v
   reads_found_ = 0;
   if (message_.lane != nullptr) {
     detail::release(message_.head.envelope);
-    message_.lane->subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+    message_.lane->subscription.left_out.add();
     message_ = {};
   }
   for (detail::PublisherCore* publisher : publishers_) {
@@ -263,7 +263,7 @@ void FollowedComponent::drop_cause(const FollowedActivation& activation) {
   if (lane != nullptr && lane->options.overflow == Overflow::kDropNewest &&
       find(*lane, record.key, found) == Input::kThere) {
     detail::release(found.envelope);
-    lane->subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+    lane->subscription.left_out.add();
   }
 }
 
@@ -383,7 +383,7 @@ bool FollowedComponent::stop_following() {
       while (lane->holds_more_than(lane->options.depth) && lane->peek(head)) {
         if (lane->pop(head)) {
           detail::release(head.envelope);
-          lane->subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+          lane->subscription.left_out.add();
         }
       }
     }
@@ -421,7 +421,7 @@ FollowedComponent::Input FollowedComponent::find(Lane& lane, std::uint64_t seque
       return Input::kThere;
     }
     detail::release(found.envelope);
-    lane.subscription.lost_on_link.fetch_add(1, std::memory_order_relaxed);
+    lane.subscription.left_out.add();
   }
   return Input::kNotYet;
 }

@@ -75,6 +75,7 @@ class NoComparer final : public detail::OutputComparer {
   void compare(const detail::PublisherCore&, const detail::Envelope&,
                const detail::Envelope&) noexcept override {}
   void unmatched(const detail::PublisherCore&, bool) noexcept override {}
+  void not_compared(const detail::PublisherCore&) noexcept override {}
 };
 
 constexpr std::int64_t kTheirBeginNs = 1'000'000'000;  // Of the timers there,

@@ -214,6 +214,12 @@ void Follower::unmatched(const detail::PublisherCore& publisher, bool is_theirs)
   }
 }
 
+void Follower::not_compared(const detail::PublisherCore& publisher) noexcept {
+  if (listener_.not_compared) {
+    listener_.not_compared(publisher);
+  }
+}
+
 void Follower::compare(const detail::PublisherCore& publisher, const detail::Envelope& theirs,
                        const detail::Envelope& own) noexcept {
   compared_.fetch_add(1, std::memory_order_relaxed);

@@ -60,6 +60,8 @@ class Follower final : public detail::OutputComparer {
         compare = {};
     /// A message that only one of them has published.
     std::function<void(const detail::PublisherCore& publisher, bool is_theirs)> unmatched = {};
+    /// A message that has waited too long for that of the other.
+    std::function<void(const detail::PublisherCore& publisher)> not_compared = {};
     /// It can no longer follow.
     std::function<void(const std::string& why)> lost = [](const std::string&) {};
     /// All components work independently, this many ns after the end of the other process was
@@ -95,6 +97,7 @@ class Follower final : public detail::OutputComparer {
   void compare(const detail::PublisherCore& publisher, const detail::Envelope& theirs,
                const detail::Envelope& own) noexcept override;
   void unmatched(const detail::PublisherCore& publisher, bool is_theirs) noexcept override;
+  void not_compared(const detail::PublisherCore& publisher) noexcept override;
 
  private:
   struct Its {

@@ -75,6 +75,7 @@ class Relay final : public fastcycle::Component {
         write_at_(context.param<std::int64_t>("write_at", {.fallback = 0})),
         log_every_(context.param<std::int64_t>("log_every", {.fallback = 0})),
         dump_at_(context.param<std::int64_t>("dump_at", {.fallback = 0})),
+        is_silent_(context.param<bool>("is_silent", {.fallback = false})),
         gain_(context.param<std::int64_t>("gain", {.fallback = 1, .max = 10, .is_tunable = true})),
         relayed_(context.create_publisher<Reading>("relayed")) {
     context.create_subscriber<Reading>("readings", {.depth = 400}, [this](const Reading& reading) {
@@ -112,6 +113,9 @@ class Relay final : public fastcycle::Component {
       if (dump_at_.get() != 0 && reading.value() == dump_at_.get()) {
         this->context().dump_flight_recorder("hard braking");
       }
+      if (is_silent_.get()) {
+        return;
+      }
       auto relayed = relayed_.loan();
       relayed->CopyFrom(reading);
       relayed->set_value(reading.value() * gain_.get());
@@ -128,6 +132,7 @@ class Relay final : public fastcycle::Component {
   fastcycle::Param<std::int64_t> write_at_;
   fastcycle::Param<std::int64_t> log_every_;
   fastcycle::Param<std::int64_t> dump_at_;
+  fastcycle::Param<bool> is_silent_;
   fastcycle::Param<std::int64_t> gain_;
   fastcycle::Publisher<Reading> relayed_;
 };

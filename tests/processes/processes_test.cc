@@ -298,18 +298,40 @@ TEST_F(ComponentsInProcesses, EndTheApplicationWithTheirProcessUnlessTheFileSays
 }
 
 TEST_F(ComponentsInProcesses, AreMadeAnewWithTheirProcessWhileTheOthersGoOn) {
-  Process run(
-      options(application(R"("process": "relaying", "params": {"crash_at": 50})",
-                          R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 400)));
+  const std::string text =
+      application(R"("process": "relaying", "params": {"crash_at": 50})",
+                  R"("processes": [{"name": "relaying", "on_exit": "restart"}], )", 400);
+  Process run(options(text));
 
   EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
 
   const json said = report();
   EXPECT_THAT(run.errors(), HasSubstr("it is restarted"));
+  EXPECT_EQ(said["components"]["relay"]["state"], "stopped");
+  EXPECT_EQ(said["components"]["relay"]["faults"], 1);
+  EXPECT_EQ(said["components"]["relay"]["restarts"], 1);
+  EXPECT_THAT(said["components"]["relay"]["fault_texts"][0].get<std::string>(),
+              HasSubstr("its process \"relaying\" has ended"));
   EXPECT_EQ(said["processes"]["relaying"]["restarts"], 1);
   EXPECT_EQ(said["results"]["whole"], 400);    // Nobody else lost anything,
   EXPECT_GT(said["results"]["relayed"], 350);  // and it relays again.
   expect_ledgers(said);
+}
+
+TEST_F(ComponentsInProcesses, FailTheRunWithTheirProcessWhereFaultsDo) {
+  for (const char* const then : {"restart", "continue"}) {
+    const std::string text = application(
+        R"("process": "relaying", "params": {"crash_at": 50})",
+        R"("processes": [{"name": "relaying", "on_exit": ")" + std::string(then) + R"("}], )");
+    Process run(options(text, {"--fail-on-fault"}));
+
+    EXPECT_EQ(run.wait().exit_code, 1) << then << run.errors();
+  }
+  // The last one did not come back.
+  const json said = report();
+  EXPECT_EQ(said["components"]["relay"]["state"], "failed");
+  EXPECT_EQ(said["components"]["relay"]["faults"], 1);
+  EXPECT_GT(said["topics"]["relayed"]["published"], 0);
 }
 
 TEST_F(ComponentsInProcesses, LogTheTimeSinceTheFirstStartAlsoInARestartedProcess) {

@@ -58,6 +58,15 @@ class AStandby : public testing::Test {
     return json::parse(test::read_file(folder_ / "report"), nullptr, false)["results"];
   }
 
+  void expect_ledgers() const {
+    const json said = json::parse(test::read_file(folder_ / "report"), nullptr, false);
+    for (const auto& [name, topic] : said["topics"].items()) {
+      for (const auto& [component, subscriber] : topic["subscribers"].items()) {
+        EXPECT_EQ(subscriber["adds_up"], true) << name << " at " << component << subscriber.dump();
+      }
+    }
+  }
+
   void expect_each_sum_once(const Process& run, int count) const {
     const json said = results();
     EXPECT_EQ(said["sums"], count) << run.errors();
@@ -165,6 +174,7 @@ TEST_F(AStandby, IsMadeAnewAndTakesOverAgainAndAgain) {
   EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
   const json said = results();
   EXPECT_GT(said["sums"], kKills) << run.errors();
+  expect_ledgers();
   EXPECT_EQ(said["missing"], 0) << run.errors();
   EXPECT_EQ(said["twice"], 0) << run.errors();
   EXPECT_EQ(said["wrong"], 0) << run.errors();
@@ -316,6 +326,16 @@ TEST_F(AShadow, WithAnotherParamDiffersInTheFieldThatFollowsFromIt) {
   const json said = json::parse(test::read_file(folder_ / "report"), nullptr, false);
   EXPECT_EQ(said["topics"]["relayed"]["published"], 200);  // The shadow publishes nothing.
   EXPECT_EQ(said["results"]["whole"], 200);
+}
+
+TEST_F(AShadow, ThatPublishesNothingIsNotReportedAsEqual) {
+  Process run(options(application(R"({"of": "relay", "params": {"is_silent": true}})")));
+
+  EXPECT_EQ(run.wait().exit_code, 0) << run.errors();
+
+  const json topic = topic_of("shadow");
+  EXPECT_EQ(topic["compared"], 0) << topic.dump();
+  EXPECT_GT(topic["not_compared"], 100) << topic.dump();
 }
 
 TEST_F(AShadow, WithOtherTopicsIsRefused) {

@@ -229,7 +229,9 @@ Command add_echo(CLI::App& program) {
   line->add_option("topics", options->patterns,
                    "Only topics that match: control/* (one level), camera/** (any)")
       ->type_name("TOPIC-PATTERN");
-  line->add_option("--count", options->count, "End after this number of messages")->type_name("N");
+  line->add_option("--count", options->count, "End after this number of messages")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("N");
   line->add_option("--start", options->start, "Start time, from the beginning of the log: 10s")
       ->type_name("TIME");
   line->add_option("--end", options->end, "End time, from the beginning of the log: 15s")

@@ -179,6 +179,7 @@ Command add_export(CLI::App& program) {
       ->type_name("PATH");
   line->add_option("--max-repeated", options->max_repeated,
                    "Maximum number of columns for a repeated field (64)")
+      ->check(CLI::NonNegativeNumber)
       ->type_name("N");
   line->add_flag("--force", options->is_forced, "Overwrite an existing output");
   line->add_flag("--quiet", options->is_quiet, "Print no progress line and no summary");

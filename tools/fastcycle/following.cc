@@ -73,6 +73,10 @@ standby::Follower::Listener Following::listener() {
       host::TopicChange& change = output_of(publisher).change;
       ++(is_theirs ? change.missing : change.added);
     };
+    listener.not_compared = [this](const detail::PublisherCore& publisher) {
+      const std::lock_guard lock(mutex_);
+      ++output_of(publisher).change.not_compared;
+    };
   }
   return listener;
 }

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <iterator>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -66,6 +67,27 @@ namespace {
 constexpr unsigned kMaxWorkers = 64;
 constexpr std::chrono::seconds kStartLimit{10};  ///< For all starts, in addition to --for.
 
+/// Reports two outputs in one file, of which one would be lost; empty if there are none.
+std::string find_shared_output(const RunOptions& options) {
+  std::map<std::filesystem::path, const char*> known;
+  for (const auto& [option, file] :
+       {std::pair("--report", options.report), std::pair("--record", options.record.file),
+        std::pair("--flight-recorder", options.flight_recorder.file),
+        std::pair("--trace", options.trace.file)}) {
+    std::error_code error;
+    const bool is_stream = std::filesystem::is_other(file, error);
+    const std::filesystem::path place = std::filesystem::weakly_canonical(file, error);
+    if (file.empty() || is_stream || error) {
+      continue;
+    }
+    if (const auto [other, is_new] = known.emplace(place, option); !is_new) {
+      return fmt::format("{} and {} are both \"{}\"; give each a file of its own", other->second,
+                         option, file.string());
+    }
+  }
+  return {};
+}
+
 /// Reports options that contradict each other; empty if none do.
 std::string find_wrong(const RunOptions& options) {
   if (!options.limit.empty() && !parse_duration(options.limit)) {
@@ -89,7 +111,8 @@ std::string find_wrong(const RunOptions& options) {
   if (!(options.play_rate >= kMinRate && options.play_rate <= kMaxRate)) {
     return "--rate expects a number from 0.001 to 1000";
   }
-  for (const std::string& sentence : {options.record.find_wrong(), options.replay.find_wrong()}) {
+  for (const std::string& sentence :
+       {options.record.find_wrong(), options.replay.find_wrong(), find_shared_output(options)}) {
     if (!sentence.empty()) {
       return sentence;
     }
@@ -356,6 +379,12 @@ std::string put_report(const nlohmann::ordered_json& json, const std::string& ta
   return obstacle;
 }
 
+bool has_faults(const host::RunReport& report) {
+  return std::ranges::any_of(report.components, [](const host::ComponentReport& component) {
+    return component.faults > 0;
+  });
+}
+
 /// Builds and runs what was found to be right; with a `role` as one process of several.
 int run_application(const config::ApplicationDescription& description,
                     host::LibraryLoader& libraries, const sigset_t& signals,
@@ -516,9 +545,6 @@ int run_application(const config::ApplicationDescription& description,
   if (options.is_quiet && !trace_problem.empty()) {
     print_to(stderr, "fastcycle {}: the trace is incomplete: {}\n", options.command, trace_problem);
   }
-  const auto has_faulted = [](const host::ComponentReport& component) {
-    return component.faults > 0;
-  };
   if (!application.stuck().empty()) {
     leave(application.stuck(), options.command);
   }
@@ -527,8 +553,7 @@ int run_application(const config::ApplicationDescription& description,
   const bool has_failed =
       host::is_failure(application.end_reason()) ||
       (application.recorder() != nullptr && application.recorder()->has_failed()) ||
-      !trace_problem.empty() ||
-      (options.fails_on_fault && std::ranges::any_of(report.components, has_faulted));
+      !trace_problem.empty() || (options.fails_on_fault && has_faults(report));
   return has_failed || !failure.empty() || !obstacle.empty() ? kFailed : kDone;
 }
 
@@ -703,7 +728,9 @@ int run_processes(const config::ApplicationDescription& description, const host:
   }
   const std::string obstacle =
       put_report(host::to_json(report), host::to_table(report), options, report_file);
-  return obstacle.empty() ? result.exit_code : std::max<int>(result.exit_code, kFailed);
+  return obstacle.empty() && !(options.fails_on_fault && has_faults(report))
+             ? result.exit_code
+             : std::max<int>(result.exit_code, kFailed);
 }
 
 }  // namespace

@@ -108,7 +108,7 @@ std::string text_of(const Json& chain) {
   const std::uint64_t dropped = number_in(chain, "dropped");
   text += breaches == 0
               ? "  no breach\n"
-              : fmt::format("  {} too late ({:.2g} %){}\n", breaches,
+              : fmt::format("  {} too late ({:.3g} %){}\n", breaches,
                             100.0 * static_cast<double>(breaches) / static_cast<double>(count),
                             dropped > 0 ? fmt::format(", {} dropped", dropped) : "");
   if (const std::string contributor = contributor_text(chain); !contributor.empty()) {

@@ -96,10 +96,13 @@ std::string shadow_text(const Json& shadow) {
                   field_text(shadow, "of"), field_text(shadow, "state"),
                   count_in(shadow, "activations"), count_in(shadow, "behind"));
   for (const Json& topic : shadow.value("topics", Json::array())) {
-    text += fmt::format("  {}: {} compared, {} different, {} missing, {} new\n",
+    text += fmt::format("  {}: {} compared, {} different, {} missing, {} new{}\n",
                         field_text(topic, "topic"), count_in(topic, "compared"),
                         count_in(topic, "different"), count_in(topic, "missing"),
-                        count_in(topic, "new"));
+                        count_in(topic, "new"),
+                        topic.contains("not_compared")
+                            ? fmt::format(", {} not compared", count_in(topic, "not_compared"))
+                            : std::string());
     text += fields_text(topic);
   }
   return text;
