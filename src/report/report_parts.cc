@@ -329,9 +329,10 @@ RunReport report_from_bytes(std::string_view bytes) {
 
 namespace {
 
-/// Adds what the components did in processes that have ended. One that was not restarted has no
-/// report of its own.
-void add_earlier_runs(RunReport& whole, const config::ApplicationDescription& application) {
+/// Adds what the components did in processes that have ended. Returns whether one of them was not
+/// restarted, and so has no report of its own.
+bool add_earlier_runs(RunReport& whole, const config::ApplicationDescription& application) {
+  bool is_any_gone = false;
   for (EarlierRuns& runs : whole.earlier_runs) {
     auto known = std::ranges::find(whole.components, runs.component, &ComponentReport::name);
     if (known == whole.components.end()) {
@@ -340,6 +341,7 @@ void add_earlier_runs(RunReport& whole, const config::ApplicationDescription& ap
                                   .health = Health::kFailed,
                                   .health_reason = runs.last_end});
       known = whole.components.end() - 1;
+      is_any_gone = true;
     }
     known->faults += runs.faults;
     known->fault_texts.insert(known->fault_texts.begin(), runs.last_end);
@@ -357,6 +359,7 @@ void add_earlier_runs(RunReport& whole, const config::ApplicationDescription& ap
     }
   }
   whole.earlier_runs.clear();
+  return is_any_gone;
 }
 
 }  // namespace
@@ -407,8 +410,8 @@ RunReport put_together(std::vector<RunReport> parts,
       }
     }
   }
-  add_earlier_runs(whole, application);
-  if (whole.recording) {
+  const bool is_any_gone = add_earlier_runs(whole, application);
+  if (whole.recording && whole.faults.empty()) {
     // The recorder learns of a lost message by the next one: not of the last ones.
     for (record::RecordedTopic& recorded : whole.recording->topics) {
       const auto topic = topics.find(recorded.topic);
@@ -420,9 +423,10 @@ RunReport put_together(std::vector<RunReport> parts,
   }
   whole.topics.clear();
   for (auto& [name, topic] : topics) {
-    // A process that has ended does not report what it published.
     for (const SubscriberReport& subscriber : topic.subscribers) {
-      topic.published = std::max(topic.published, subscriber.ledger.published);
+      if (is_any_gone) {  // Its process does not report what it published.
+        topic.published = std::max(topic.published, subscriber.ledger.published);
+      }
     }
     topic.rate_hz = whole.time_s > 0 ? static_cast<double>(topic.published) / whole.time_s : 0.0;
     if (topic.published > 0 || !topic.subscribers.empty()) {
