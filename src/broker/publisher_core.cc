@@ -608,6 +608,15 @@ void PublisherCore::drop_outside(Envelope* loan) noexcept {
   give_loan_back(loan);
 }
 
+void PublisherCore::lose_imported(std::uint64_t count) noexcept {
+  for (const Target& target : targets_) {
+    target.lane->published.add(count);
+    target.lane->dropped_outside.add(count);
+  }
+  published_.add(count);
+  handed_over_ += count;
+}
+
 void PublisherCore::publish_imported(Envelope* envelope, bool may_repeat) noexcept {
   const std::uint64_t sequence = envelope->info.sequence;
   const std::uint64_t last = published_.get();
@@ -617,10 +626,7 @@ void PublisherCore::publish_imported(Envelope* envelope, bool may_repeat) noexce
     return;
   }
   if (sequence > last + 1) {
-    for (const Target& target : targets_) {
-      target.lane->published.add(sequence - last - 1);
-      target.lane->dropped_outside.add(sequence - last - 1);
-    }
+    lose_imported(sequence - last - 1);
   }
   published_.set(sequence);
   handed_over_ = sequence;

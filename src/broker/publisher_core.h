@@ -83,6 +83,8 @@ class PublisherCore {
   /// `may_repeat`: messages received before are skipped, since a standby that takes over publishes
   /// again what may be missing. Under the mutex.
   void publish_imported(Envelope* envelope, bool may_repeat) noexcept;
+  /// Counts `count` more of them as lost on the way. Under its mutex.
+  void lose_imported(std::uint64_t count) noexcept;
   /// The same for a publisher that is not trusted: a loan of this, with a copy of its message.
   /// Under the mutex.
   void publish_copied(Envelope* loan, const MessageInfo& info,

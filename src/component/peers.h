@@ -103,6 +103,9 @@ class Peers {
   /// `process` reads what components here publish: gives it their latched messages.
   virtual void give_latched(std::uint32_t process) = 0;
 
+  /// All workers have ended: counts what other processes published last, and was lost on the way.
+  virtual void count_rest() = 0;
+
   /// All sources of this process have finished: the run ends when those of all have.
   virtual void sources_finished() = 0;
 

@@ -706,6 +706,9 @@ void Application::stop() {
     peers_->stop_notices();
   }
   driver_->stop([this](const detail::Actor& actor) { return lifecycle_.is_stuck(actor); });
+  if (peers_ != nullptr) {
+    peers_->count_rest();
+  }
   observers_.stop(*this);
   destroy_components([this](const ComponentCore& component) {
     return driver_->may_serve(component) || lifecycle_.is_stuck(component);

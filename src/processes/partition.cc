@@ -401,6 +401,12 @@ host::Peers::AgreedEnd Partition::agreed_end() const {
   return rounds_ != nullptr ? rounds_->agreed_end() : AgreedEnd::kNone;
 }
 
+void Partition::count_rest() {
+  for (const auto& links : link_sets_) {
+    links->count_rest();
+  }
+}
+
 void Partition::attach() {
   if (rounds_ != nullptr) {
     rounds_->join();

@@ -121,6 +121,7 @@ class Partition final : public host::Peers, public host::ComponentClasses {
   void await_stop(const detail::ComponentCore& component, std::size_t place) override;
   void end() override;
   void stop_notices() override { notices_->stop(); }
+  void count_rest() override;
 
  private:
   /// A serialized link that leads here.

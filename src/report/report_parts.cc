@@ -411,16 +411,6 @@ RunReport put_together(std::vector<RunReport> parts,
     }
   }
   const bool is_any_gone = add_earlier_runs(whole, application);
-  if (whole.recording && whole.faults.empty()) {
-    // The recorder learns of a lost message by the next one: not of the last ones.
-    for (record::RecordedTopic& recorded : whole.recording->topics) {
-      const auto topic = topics.find(recorded.topic);
-      if (topic != topics.end() && topic->second.published > recorded.published) {
-        recorded.process += topic->second.published - recorded.published;
-        recorded.published = topic->second.published;
-      }
-    }
-  }
   whole.topics.clear();
   for (auto& [name, topic] : topics) {
     for (const SubscriberReport& subscriber : topic.subscribers) {

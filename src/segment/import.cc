@@ -243,6 +243,23 @@ bool Import::take() noexcept {
   return has_taken;
 }
 
+void Import::count_rest() noexcept {
+  const std::uint32_t publisher = publisher_ != 0 ? publisher_ : newest_;
+  // One of a pair may have published what the other one's sequence has.
+  if (publisher == 0 || partner_ != nullptr || stand_in_.is_following()) {
+    return;
+  }
+  const LinkOut& out = wire_.out(link_, publisher);
+  const std::uint64_t last = out.sequence.load(std::memory_order_relaxed);
+  // Those still there were published while all stops.
+  const std::uint64_t there = out.tail.load(std::memory_order_seq_cst) - head_;
+  const std::lock_guard lock(stand_in_.mutex());
+  const std::uint64_t known = stand_in_.published() + there;
+  if (last > known) {
+    stand_in_.lose_imported(last - known);
+  }
+}
+
 /// The sequence of the message of `word`.
 std::uint64_t Import::sequence_of(std::uint64_t word) const noexcept {
   return number_of(word) < link_.capacity

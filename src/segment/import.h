@@ -39,6 +39,9 @@ class Import final : public detail::CreditRelay {
   /// Takes pending messages, at most `depth`; true if there were any.
   bool take() noexcept;
   [[nodiscard]] bool has_any() noexcept;
+  /// When nothing more is taken: counts the messages that were lost after the last one taken, which
+  /// no later one shows.
+  void count_rest() noexcept;
 
   void credit_returned() noexcept override;
   /// Reports to the publisher how many messages all receivers here have finished. Safe.

@@ -41,6 +41,13 @@ void LinkSet::report_finished() noexcept {
   }
 }
 
+void LinkSet::count_rest() noexcept {
+  const std::lock_guard lock(mutex_);
+  for (const auto& import : imports_) {
+    import->count_rest();
+  }
+}
+
 bool LinkSet::take_credits() noexcept {
   bool has_taken = false;
   for (const Credited& one : credited_) {

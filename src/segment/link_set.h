@@ -33,6 +33,8 @@ class LinkSet final : public detail::ForeignInputs {
   std::size_t announce(std::span<base::WatchedWord> words) noexcept override;
   [[nodiscard]] bool has_any() noexcept override;
   void withdraw() noexcept override;
+  /// As `Import::count_rest`, for all.
+  void count_rest() noexcept;
 
  private:
   /// A process with links to this one.

@@ -384,6 +384,46 @@ TEST(MessagesBetweenProcesses, ArriveAsTheSameObjectInOrderAndWithoutACopy) {
   }));
 }
 
+TEST(MessagesBetweenProcesses, AreCountedAlsoIfTheLastOnesAreLost) {
+  ASSERT_TRUE(holds_in_child([] {
+    Processes processes(4, 12, true);
+    constexpr std::uint64_t kCount = 20;
+    run_both(
+        processes,
+        [&] {
+          Publishing publishing(processes, 1, SourceCodeInfo_Location::default_instance());
+          await_connection(publishing);
+          for (std::uint64_t i = 0; i < kCount; ++i) {
+            publishing.publish_file("name");
+          }
+          EXPECT_GT(publishing.to().counts().overflowed, 0U);
+          processes.progress.reach(1);
+          processes.progress.await(2);
+        },
+        [&] {
+          Receiving receiving(processes, 1, SourceCodeInfo_Location::default_instance());
+          processes.progress.await(1);
+          while (receiving.from().take()) {
+          }
+          const std::uint64_t taken = receiving.ledger().published;
+          EXPECT_LT(taken, kCount);
+
+          receiving.from().count_rest();
+          receiving.from().count_rest();  // Nothing is counted twice.
+
+          while (detail::Envelope* const envelope = receiving.next()) {
+            detail::release(envelope);
+          }
+          const detail::Ledger ledger = receiving.ledger();
+          EXPECT_EQ(ledger.published, kCount);
+          EXPECT_EQ(ledger.dropped[static_cast<std::size_t>(detail::DropReason::kProcess)],
+                    kCount - taken);
+          EXPECT_TRUE(ledger.adds_up());
+          processes.progress.reach(2);
+        });
+  }));
+}
+
 TEST(MessagesBetweenProcesses, CannotBeWrittenByWhoReceivesThem) {
   ASSERT_TRUE(holds_in_child([] {
     Processes processes;
