@@ -146,10 +146,13 @@ detail::PublisherCore& Voice::publisher_of(const std::string& topic) const {
   application_.look_at_topics(
       [&](const detail::Topics& topics) { is_there = topics.find(topic) != nullptr; });
   if (is_there) {
+    const char* const why = topic.starts_with(host::kOwnTopics) ? "it is FastCycle's own"
+                            : topic.find(detail::kServiceMark) != std::string::npos
+                                ? "it is of a service"
+                                : "a subscriber monitors each of its publishers (deadline, "
+                                  "liveliness), and would report the tool as missing";
     throw Refusal(protocol::Error::KIND_REFUSED,
-                  fmt::format("tools may not publish on \"{}\": it is FastCycle's own, or of a "
-                              "service, or a subscriber watches over each of its publishers",
-                              topic));
+                  fmt::format("tools may not publish on \"{}\": {}", topic, why));
   }
   std::vector<std::string> known;
   for (const auto& [name, publisher] : publishers_) {
