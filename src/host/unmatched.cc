@@ -81,8 +81,7 @@ class Reasons {
       // Some were near enough, but not free.
       report.text = fmt::format(
           "{} unmatched: each message of \"{}\" was in another set, or more than max_difference "
-          "({} "
-          "ms) away",
+          "({} ms) away",
           report.count, other.topic.name, ms(options_.max_difference.count()));
       reasons_.push_back(std::move(report));
       return;

@@ -169,8 +169,7 @@ void ProcessPlan::find_problems() {
       // It repeats callbacks; a thread does not run there, and has no device to go on with.
       problem_ = fmt::format(
           "component \"{}\" publishes \"{}\" from a thread of its own, and its process \"{}\" has "
-          "a "
-          "standby, which cannot take a thread over; let the process be restarted instead "
+          "a standby, which cannot take a thread over; let the process be restarted instead "
           "(\"on_exit\": \"restart\"), or publish from a callback",
           publisher.component, publisher.topic, name(its));
     }

@@ -1026,10 +1026,13 @@ std::string processes_text(const std::vector<ProcessReport>& processes) {
       all.copied += link.copied;
       all.unshared += link.unshared + link.overflowed + link.over_quota;
       if (link.copied > 0 && reported.insert(link.topic).second) {
+        // The receiver may be gone before a copy is handed over.
+        const std::string count = link.copied <= link.given
+                                      ? fmt::format("{} of {}", link.copied, link.given)
+                                      : std::to_string(link.copied);
         remarks +=
-            wrapped(fmt::format("  {}: {} of {} messages were copied for other processes{}{}",
-                                link.topic, link.copied, std::max(link.given, link.copied),
-                                link.always_copied.empty() ? "" : ": ", link.always_copied),
+            wrapped(fmt::format("  {}: {} messages were copied for other processes{}{}", link.topic,
+                                count, link.always_copied.empty() ? "" : ": ", link.always_copied),
                     "      ");
       }
       if (const std::string losses = losses_text(link); !losses.empty()) {

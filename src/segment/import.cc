@@ -7,6 +7,12 @@
 #include <new>
 
 namespace fastcycle::segment {
+namespace {
+
+/// A larger gap in the sequences is no loss: its publisher, which need not be trusted, is wrong.
+constexpr std::uint64_t kMaxLost = std::uint64_t{1} << 32U;
+
+}  // namespace
 
 /// The messages of one incarnation of the publisher that this process holds: owns an envelope for
 /// each number, and returns released ones.
@@ -255,7 +261,7 @@ void Import::count_rest() noexcept {
   const std::uint64_t there = out.tail.load(std::memory_order_seq_cst) - head_;
   const std::lock_guard lock(stand_in_.mutex());
   const std::uint64_t known = stand_in_.published() + there;
-  if (last > known) {
+  if (last > known && last - known <= kMaxLost) {
     stand_in_.lose_imported(last - known);
   }
 }
@@ -366,7 +372,6 @@ bool Import::take_copy(std::uint64_t word) noexcept {
 
 /// Publishes the message of `bytes_`; false if it is none of the topic's type.
 bool Import::publish_copy(MessageInfo info) {
-  constexpr std::uint64_t kMaxLost = std::uint64_t{1} << 32U;
   const std::lock_guard lock(stand_in_.mutex());
   if (info.sequence > stand_in_.published() + kMaxLost) {
     return false;
