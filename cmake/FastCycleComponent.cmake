@@ -49,7 +49,7 @@ function(fastcycle_component)
   if(FASTCYCLE_IN_PROJECT)
     set_target_properties(${COMPONENT_NAME} PROPERTIES
       LIBRARY_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/${FASTCYCLE_COMPONENT_DIR}${folder})
-    fastcycle_precompile(${COMPONENT_NAME} component "${FASTCYCLE_PRECOMPILED}" "")
+    fastcycle_precompile(${COMPONENT_NAME} component "${FASTCYCLE_PRECOMPILED_COMPONENT}" "")
     fastcycle_join(${COMPONENT_NAME})
   else()
     set_target_properties(${COMPONENT_NAME} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}${folder})

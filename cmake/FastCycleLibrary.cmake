@@ -46,6 +46,15 @@ function(fastcycle_library name)
     endif()
   endforeach()
 
+  target_link_libraries(fastcycle PRIVATE ${LIB_LINK})
+  if(FASTCYCLE_FIRST_DRIVE AND FASTCYCLE_${name}_IS_COMPILED_WITH)
+    set(carrier fastcycle_${FASTCYCLE_${name}_IS_COMPILED_WITH})
+    target_sources(${carrier} PRIVATE ${LIB_SOURCES})
+    target_link_libraries(${carrier} PRIVATE ${LIB_LINK})
+    add_library(fastcycle_${name} INTERFACE)
+    return()
+  endif()
+
   add_library(fastcycle_${name} OBJECT ${LIB_SOURCES})
   set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON
     INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}")
@@ -58,7 +67,6 @@ function(fastcycle_library name)
   fastcycle_precompile(fastcycle_${name} library "${FASTCYCLE_PRECOMPILED_LIBRARY}" "${LIB_PRECOMPILE}")
 
   target_sources(fastcycle PRIVATE $<TARGET_OBJECTS:fastcycle_${name}>)
-  target_link_libraries(fastcycle PRIVATE ${LIB_LINK})
 
   if(LIB_TESTS AND BUILD_TESTING)
     fastcycle_test(fastcycle_${name}_test SOURCES ${LIB_TESTS} LINK ${LIB_LINK} ${LIB_TEST_LINK}
@@ -96,7 +104,7 @@ endfunction()
 # The same for the files of any target.
 function(fastcycle_join target)
   if(FASTCYCLE_UNITY)
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE "${FASTCYCLE_UNITY_FILES}")
     # What a file keeps for itself looks like something of a header there.
     target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
   endif()
@@ -170,6 +178,10 @@ function(fastcycle_precompile target kind headers more)
     endif()
     target_compile_options(${carrier} PRIVATE ${options})
     target_link_libraries(${carrier} PRIVATE protobuf::libprotobuf fmt::fmt Threads::Threads)
+    if(FASTCYCLE_FIRST_DRIVE AND kind STREQUAL "component")
+      target_include_directories(${carrier} PRIVATE ${PROJECT_SOURCE_DIR}/include)
+      target_link_libraries(${carrier} PRIVATE Eigen3::Eigen)
+    endif()
     target_precompile_headers(${carrier} PRIVATE ${headers})
   endif()
   target_precompile_headers(${target} REUSE_FROM ${carrier})

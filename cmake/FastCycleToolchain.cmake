@@ -3,6 +3,24 @@
 set(FASTCYCLE_WARNINGS -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Wnon-virtual-dtor
     -Woverloaded-virtual $<$<CXX_COMPILER_ID:Clang>:-Wthread-safety>)
 
+# Of how many files FASTCYCLE_UNITY makes one. In a first drive, of all that a target has (0) and of several libraries
+# (fastcycle_library), without warnings: templates that files have in common are then compiled once.
+set(FASTCYCLE_UNITY_FILES 8)
+if(FASTCYCLE_FIRST_DRIVE)
+  set(FASTCYCLE_UNITY_FILES 0)
+  set(FASTCYCLE_WARNINGS -w)
+  foreach(library sandbox broker executor segment diagnostics)
+    set(FASTCYCLE_${library}_IS_COMPILED_WITH base)
+  endforeach()
+  foreach(library archive record faults)
+    set(FASTCYCLE_${library}_IS_COMPILED_WITH mcap)
+  endforeach()
+  foreach(library component calls modes replay standby)
+    set(FASTCYCLE_${library}_IS_COMPILED_WITH params)
+  endforeach()
+  set(FASTCYCLE_processes_IS_COMPILED_WITH report)
+endif()
+
 # A second build takes what the first one compiled. The sloppiness is what precompiled headers need.
 find_program(CCACHE_PROGRAM ccache)
 if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
@@ -33,4 +51,10 @@ set(FASTCYCLE_PRECOMPILED <algorithm> <atomic> <chrono> <functional> <map> <memo
     <thread> <unordered_map> <vector> <fmt/format.h> <google/protobuf/message.h>)
 set(FASTCYCLE_PRECOMPILED_LIBRARY ${FASTCYCLE_PRECOMPILED} <filesystem> <fstream> <nlohmann/json.hpp>)
 set(FASTCYCLE_PRECOMPILED_TEST ${FASTCYCLE_PRECOMPILED} <gmock/gmock.h> <gtest/gtest.h>)
+set(FASTCYCLE_PRECOMPILED_COMPONENT ${FASTCYCLE_PRECOMPILED})
+if(FASTCYCLE_FIRST_DRIVE)   # Everything is compiled once.
+  find_package(Eigen3 REQUIRED)
+  list(APPEND FASTCYCLE_PRECOMPILED_COMPONENT <array> <cmath> <numbers> <span> <Eigen/Core> <Eigen/Geometry> <Eigen/LU>
+    <fastcycle/fastcycle.h>)
+endif()
 set(FASTCYCLE_IN_PROJECT TRUE)

@@ -1,5 +1,9 @@
 #pragma once
 
+#include <fstream>
+#include <string>
+#include <string_view>
+
 #include "fastcycle/component.h"
 #include "measure/samples.h"
 #include "measure/usage.h"
@@ -14,11 +18,21 @@ inline void report_usage(Context& context, const measure::Usage& usage) {
   context.report("involuntary_switches", usage.involuntary_switches);
 }
 
-/// Writes the stamps to the file that the benchmark reads; does nothing for an empty path.
+/// Writes the stamps to the file that the benchmark reads; does nothing for an empty path. In the
+/// path, "{process}" stands for the name of the process: a standby and its primary have the same
+/// params.
 inline void report_samples(Context& context, const Path& file, const measure::Samples& samples) {
-  if (!file.empty()) {
-    context.report("trouble", measure::write_samples(file, samples));
+  if (file.empty()) {
+    return;
   }
+  constexpr std::string_view kProcess = "{process}";
+  std::string path = file.string();
+  if (const std::size_t place = path.find(kProcess); place != std::string::npos) {
+    std::string name;
+    std::getline(std::ifstream("/proc/self/comm"), name);
+    path.replace(place, kProcess.size(), name);
+  }
+  context.report("trouble", measure::write_samples(path, samples));
 }
 
 }  // namespace fastcycle::benchmark

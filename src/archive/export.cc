@@ -13,6 +13,7 @@
 
 #include "archive/message_text.h"
 #include "archive/message_type.h"
+#include "archive/progress.h"
 #include "mcap/decode.h"
 #include "mcap/error.h"
 
@@ -24,7 +25,6 @@ using Field = pb::FieldDescriptor;
 
 constexpr std::size_t kMostColumns = 4096;
 constexpr std::size_t kMostFields = 100'000;  // Of all messages within each other.
-constexpr unsigned kMessagesPerProgress = 256;
 
 std::string cell(std::string text) {
   if (text.find_first_of(",\"\r\n") == std::string::npos) {
@@ -283,7 +283,7 @@ class Exporter {
         take(*message, *type_->parse(message->data));
         return true;
       });
-      if (progress_ && ++done_ % kMessagesPerProgress == 0) {
+      if (progress_ && ++done_ % kRecordsPerProgress == 0) {
         progress_(done_);
       }
     }

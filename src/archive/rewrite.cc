@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include "archive/progress.h"
 #include "archive/readable.h"
 #include "log/log.pb.h"
 #include "mcap/crc.h"
@@ -25,7 +26,6 @@ namespace {
 constexpr const char* kInfosTopic = "fastcycle/message_infos";
 constexpr std::uint64_t kMostInfosBytes = std::uint64_t{16} << 20U;
 constexpr std::uint64_t kSmallAttachmentBytes = std::uint64_t{1} << 20U;
-constexpr unsigned kMessagesPerProgress = 256;
 
 [[noreturn]] void fail(const std::string& file, mcap::Opcode record, std::string expected,
                        std::string found) {
@@ -497,7 +497,7 @@ class Rewriter {
   }
 
   void report_progress() {
-    if (progress_ && ++given_ % kMessagesPerProgress == 0) {
+    if (progress_ && ++given_ % kRecordsPerProgress == 0) {
       progress_(
           static_cast<std::uint64_t>(static_cast<double>(bytes_in_) * static_cast<double>(given_) /
                                      static_cast<double>(messages_in_)));

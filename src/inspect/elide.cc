@@ -11,7 +11,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
-constexpr std::size_t kMaxDepth = 32;
+constexpr std::size_t kMaxNesting = 32;
 
 class Copier {
  public:
@@ -104,7 +104,7 @@ class Copier {
         break;
       }
       case FieldDescriptor::CPPTYPE_MESSAGE:
-        if (path_.size() >= 2 * kMaxDepth) {
+        if (path_.size() >= 2 * kMaxNesting) {
           note(1, 0);
         } else {
           copy(read.GetMessage(from, &field), *write.MutableMessage(&to, &field));
@@ -117,7 +117,7 @@ class Copier {
     const auto size = static_cast<std::size_t>(from.GetReflection()->FieldSize(from, &field));
     std::size_t kept = 0;
     const std::size_t name_size = name_.size();
-    for (; kept < std::min(size, limits_.elements) && path_.size() < 2 * kMaxDepth && take();
+    for (; kept < std::min(size, limits_.elements) && path_.size() < 2 * kMaxNesting && take();
          ++kept) {
       name_ += "[" + std::to_string(kept) + "]";
       path_.push_back(static_cast<std::uint32_t>(kept));

@@ -7,6 +7,9 @@
 
 namespace fastcycle::tool {
 
+/// Of `--workers`.
+inline constexpr unsigned kMaxWorkers = 64;
+
 /// Returns `expects …, found "…"` for an invalid value of an option; empty if it is valid.
 /// For `CLI::Option::check`; the program puts the name of the option before it.
 using ValueCheck = std::function<std::string(const std::string&)>;

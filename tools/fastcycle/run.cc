@@ -64,7 +64,6 @@ std::vector<std::filesystem::path> inputs_of(const RunOptions& options) {
 
 namespace {
 
-constexpr unsigned kMaxWorkers = 64;
 constexpr std::chrono::seconds kStartLimit{10};  ///< For all starts, in addition to --for.
 
 /// Reports two outputs in one file, of which one would be lost; empty if there are none.
