@@ -20,7 +20,7 @@ namespace ads {
 namespace {
 
 // Ten times what published scenarios have; as elements it takes up to half a gigabyte.
-constexpr std::uintmax_t kLargestFile = std::uintmax_t{32} << 20U;
+constexpr std::uintmax_t kLargestScenario = std::uintmax_t{32} << 20U;
 constexpr std::int64_t kLastStep = 10'000'000;
 
 // Numbers of speed limit signs by country: Germany and CommonRoad's Zamunda, the USA, Spain,
@@ -537,9 +537,9 @@ Scenario Scenario::parse(std::string_view text, std::string_view name) {
 Scenario Scenario::read(const std::filesystem::path& file) {
   std::error_code error;
   const std::uintmax_t size = std::filesystem::file_size(file, error);
-  if (!error && size > kLargestFile) {
+  if (!error && size > kLargestScenario) {
     throw std::runtime_error(fmt::format("{}: expected a scenario of at most {} bytes, found {}",
-                                         file.string(), kLargestFile, size));
+                                         file.string(), kLargestScenario, size));
   }
   return parse(read_file(file), file.string());
 }

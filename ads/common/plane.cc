@@ -6,6 +6,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "common/scalar.h"
+
 namespace ads {
 namespace {
 
@@ -40,7 +42,6 @@ struct CornersBeside {
 
 CornersBeside corners_beside(const PlacedBox& box,
                              const std::array<Eigen::Vector2d, 4>& corners_m) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Eigen::Vector2d left = left_of(box.forward);
   Eigen::Vector2d least(kInfinity, kInfinity);
   Eigen::Vector2d most(-kInfinity, -kInfinity);

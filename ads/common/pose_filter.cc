@@ -7,6 +7,9 @@
 
 #include <Eigen/LU>
 
+#include "common/plane.h"
+#include "common/scalar.h"
+
 namespace ads {
 namespace {
 
@@ -27,20 +30,12 @@ constexpr double kSteeringErrorLasts_s = 1.0;
 constexpr double kCourseGate = 10.8;  // 99.9 % of one dimension.
 constexpr double kNoGate = std::numeric_limits<double>::infinity();
 
-double squared(double value) {
-  return value * value;
-}
-
 double wrapped(double angle_rad) {
   return std::remainder(angle_rad, 2.0 * std::numbers::pi);
 }
 
 Eigen::Vector2d heading(double yaw_rad) {
   return {std::cos(yaw_rad), std::sin(yaw_rad)};
-}
-
-Eigen::Vector2d left_of(const Eigen::Vector2d& direction) {
-  return {-direction.y(), direction.x()};
 }
 
 }  // namespace

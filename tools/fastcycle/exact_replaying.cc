@@ -17,7 +17,6 @@
 namespace fastcycle::tool {
 namespace {
 
-
 /// The builds of libraries that are not those of the recorded run, among those that both have.
 std::vector<std::string> other_builds(const std::map<std::string, std::string>& then,
                                       const std::map<std::string, std::string>& now) {

@@ -13,10 +13,6 @@
 namespace ads {
 namespace {
 
-fastcycle::Duration seconds(double value_s) {
-  return std::chrono::duration_cast<fastcycle::Duration>(std::chrono::duration<double>(value_s));
-}
-
 fastcycle::ParamOptions<double> stddev(double fallback, std::string unit, std::string of) {
   return {.fallback = fallback,
           .min = 0.0,
@@ -100,7 +96,7 @@ void Connectivity::receive() {
     }
     link_ = std::make_unique<ScenarioLink>(
         scenario, hazard_plan_.get(), start_time(),
-        ScenarioLinkOptions{.settle = seconds(settle_s_.get()),
+        ScenarioLinkOptions{.settle = duration_of(settle_s_.get()),
                             .position_stddev_m = position_stddev_m_.get(),
                             .heading_stddev_rad = heading_stddev_rad_.get(),
                             .speed_stddev_mps = speed_stddev_mps_.get()});

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <optional>
 #include <vector>
 
@@ -14,6 +15,10 @@ struct Mission {
   mission::InitialPose initial_pose;
   mission::Goal goal;
 };
+
+inline fastcycle::Duration duration_of(double value_s) {
+  return std::chrono::duration_cast<fastcycle::Duration>(std::chrono::duration<double>(value_s));
+}
 
 /// Connects the vehicle to the outside world: a dispatcher that assigns missions, and other parties
 /// that warn of hazards and receive the vehicle's reports. Times in its messages are on the

@@ -16,10 +16,6 @@ std::int64_t nanoseconds_of(fastcycle::Time time) {
   return time.time_since_epoch().count();
 }
 
-fastcycle::Duration seconds(double value_s) {
-  return std::chrono::duration_cast<fastcycle::Duration>(std::chrono::duration<double>(value_s));
-}
-
 mission::InitialPose initial_pose(const Scenario& scenario, fastcycle::Time start,
                                   const ScenarioLinkOptions& options) {
   const ScenarioState& initial = scenario.problem().initial;
@@ -82,7 +78,7 @@ mission::Goal goal_message(const GoalState& goal, double step_s, fastcycle::Time
     message.mutable_speed_mps()->set_high(goal.speed_mps->high);
   }
   const auto at_step = [&](std::int64_t step) {
-    return nanoseconds_of(step_0 + seconds(static_cast<double>(step) * step_s));
+    return nanoseconds_of(step_0 + duration_of(static_cast<double>(step) * step_s));
   };
   message.set_window_begin_ns(at_step(goal.first_step));
   message.set_window_end_ns(at_step(goal.last_step));
@@ -120,10 +116,10 @@ ScenarioLink::ScenarioLink(const Scenario& scenario, connectivity::HazardPlan ha
   mission_.emplace(initial_pose(scenario, start, options),
                    goal_message(problem.goals.front(), scenario.step_s, start, step_0));
   for (connectivity::PlannedHazard& planned : *hazards.mutable_hazards()) {
-    DueHazard due{.due = step_0 + seconds(planned.time_s()),
+    DueHazard due{.due = step_0 + duration_of(planned.time_s()),
                   .hazard = std::move(*planned.mutable_hazard())};
     if (planned.duration_s() > 0.0) {
-      due.hazard.set_valid_until_ns(nanoseconds_of(due.due + seconds(planned.duration_s())));
+      due.hazard.set_valid_until_ns(nanoseconds_of(due.due + duration_of(planned.duration_s())));
     }
     hazards_.push_back(std::move(due));
   }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "common/scalar.h"
 #include "control_tuning.h"
 
 namespace ads {
@@ -12,10 +13,6 @@ namespace {
 
 double wrapped(double angle_rad) {
   return std::remainder(angle_rad, 2.0 * std::numbers::pi);
-}
-
-double mix(double from, double to, double share) {
-  return from + share * (to - from);
 }
 
 Reference between(const Reference& from, const Reference& to, double share) {

@@ -7,16 +7,14 @@
 #include <string_view>
 #include <utility>
 
+#include "words.h"
+
 namespace ads {
 namespace {
 
 constexpr std::array<std::string_view, 4> kYieldSigns{"205", "206", "R1-1", "R1-2"};
 constexpr std::array<std::string_view, 2> kStopSigns{"206", "R1-1"};
 constexpr std::array<std::string_view, 2> kPrioritySigns{"301", "306"};
-
-bool is_one_of(const auto& words, std::string_view word) {
-  return std::ranges::find(words, word) != words.end();
-}
 
 LaneKind kind_of(const Lanelet& lanelet) {
   static const std::map<std::string_view, LaneKind> kKinds{

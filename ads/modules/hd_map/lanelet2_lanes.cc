@@ -23,16 +23,13 @@
 #include "common/xml.h"
 #include "hd_map_tuning.h"
 #include "osm_file.h"
+#include "words.h"
 
 namespace ads {
 namespace {
 
 bool is_yes(std::string_view value) {
   return value == "yes" || value == "true" || value == "1";
-}
-
-bool is_one_of(const auto& words, std::string_view word) {
-  return std::ranges::find(words, word) != words.end();
 }
 
 // The directions in which a line may be crossed, seen along it.
@@ -285,9 +282,9 @@ Directed reversed(Directed lane) {
   return lane;
 }
 
-class Reader {
+class LaneletReader {
  public:
-  Reader(const OsmFile& osm, const MapLimits& limits) : osm_(osm), limits_(limits) {}
+  LaneletReader(const OsmFile& osm, const MapLimits& limits) : osm_(osm), limits_(limits) {}
 
   GeoreferencedLanes read() {
     read_lanelets();
@@ -624,7 +621,7 @@ GeoreferencedLanes lanelet2_lanes(std::string_view text, std::string_view name,
   const XmlFile file(text, name);
   const XmlElement root = file.root();
   const OsmFile osm(root);
-  GeoreferencedLanes result = Reader(osm, limits).read();
+  GeoreferencedLanes result = LaneletReader(osm, limits).read();
   if (result.lanes.empty()) {
     root.fail("a relation of type=lanelet in <osm>", "none");
   }

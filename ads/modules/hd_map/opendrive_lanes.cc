@@ -20,15 +20,12 @@
 #include "common/xml.h"
 #include "hd_map_tuning.h"
 #include "plan_view.h"
+#include "words.h"
 
 namespace ads {
 namespace {
 
 enum class End : std::uint8_t { kStart, kEnd };
-
-bool is_one_of(const auto& words, std::string_view word) {
-  return std::ranges::find(words, word) != words.end();
-}
 
 struct Lane {
   XmlElement element;
@@ -335,9 +332,9 @@ std::map<int, Line> edges_of(const Road& road, const Section& section,
   return edges;
 }
 
-class Reader {
+class OpenDriveReader {
  public:
-  Reader(const XmlElement& root, const MapLimits& limits) : root_(root), limits_(limits) {
+  OpenDriveReader(const XmlElement& root, const MapLimits& limits) : root_(root), limits_(limits) {
     double length_m = 0.0;
     for (const XmlElement& element : root.all("road")) {
       Road road = read_road(element, limits.roads_length_m - length_m);
@@ -609,7 +606,7 @@ std::vector<MapLane> opendrive_lanes(std::string_view text, std::string_view nam
   if (header.number_attribute<int>("revMajor") != 1) {
     header.fail("revMajor 1 of <header>", XmlElement::quoted(header.attribute("revMajor")));
   }
-  return Reader(root, limits).read();
+  return OpenDriveReader(root, limits).read();
 }
 
 }  // namespace ads

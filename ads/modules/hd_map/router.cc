@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <numbers>
 #include <set>
@@ -12,12 +11,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "common/scalar.h"
 #include "hd_map_tuning.h"
 
 namespace ads {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kAcross_rad = std::numbers::pi / 2.0;
 
 struct Match {

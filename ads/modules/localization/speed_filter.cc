@@ -2,16 +2,11 @@
 
 #include <algorithm>
 
+#include "common/scalar.h"
 #include "localization_tuning.h"
 
 namespace ads {
-namespace {
-
-double squared(double value) {
-  return value * value;
-}
-
-}  // namespace
+namespace {}  // namespace
 
 SpeedFilter::SpeedFilter(const SpeedFilterConfig& config) : config_(config) {
   memory_.covariance =

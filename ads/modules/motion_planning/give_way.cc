@@ -2,16 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 #include "trajectory.h"
 
 namespace motion_planning {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kStep_s = Traffic::kStep_s;
+using ads::kInfinity;
 
 // How the vehicle passes others.
 struct Manner {

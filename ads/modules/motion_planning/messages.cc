@@ -3,18 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <map>
 #include <set>
 #include <utility>
 
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using ads::kInfinity;
 
 std::vector<Eigen::Vector2d> centre_of(const hd_map::Lane& lane) {
   std::vector<Eigen::Vector2d> centre;

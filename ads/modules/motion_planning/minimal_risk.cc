@@ -113,8 +113,8 @@ const std::vector<Road>& lanes_of(const Problem& problem) {
 class Arrivals {
  public:
   Arrivals(const Problem& problem, const Traffic& unyielding) : problem_(problem) {
-    const auto step = std::min(unyielding.steps(),
-                               static_cast<std::size_t>(kMinimalRisk.look_s / Traffic::kStep_s));
+    const auto step =
+        std::min(unyielding.steps(), static_cast<std::size_t>(kMinimalRisk.look_s / kStep_s));
     for (const Road& lane : lanes_of(problem)) {
       comers_.emplace_back();
       for (const Occupant& other : unyielding.at(step)) {
@@ -188,7 +188,7 @@ Trajectory into_lane(const Problem& problem, const Road& lane, const RoadPlace& 
       std::max(kMinimalRisk.shortest_s, std::abs(start.offset_m) / kMinimalRisk.sideways_mps);
   std::vector<Pose> guess;
   for (std::size_t step = 1; step <= problem.traffic.steps(); ++step) {
-    const double time = Traffic::kStep_s * static_cast<double>(step);
+    const double time = kStep_s * static_cast<double>(step);
     const double along = start.along_m + std::max(0.0, problem.start.speed_mps) * time;
     const double share = std::min(1.0, time / duration);
     const double left_over = 1.0 - share * share * (3.0 - 2.0 * share);

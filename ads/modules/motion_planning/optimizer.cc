@@ -6,19 +6,16 @@
 
 #include <Eigen/LU>
 
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
 
-constexpr double kStep_s = Traffic::kStep_s;
+using ads::outside;
 
 // Above what the road allows: a limit as the others, but not worth a collision.
 constexpr std::array kAboveBound = {kOptimizer.limit, kOptimizer.above_limit_in_emergency};
-
-double outside(double value, double low, double high) {
-  return value < low ? value - low : std::max(0.0, value - high);
-}
 
 double cube(double value) {
   return value * value * value;

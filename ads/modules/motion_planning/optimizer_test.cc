@@ -44,7 +44,7 @@ TEST_F(OptimizerTest, LeavesAloneWhatIsGood) {
 TEST_F(OptimizerTest, FollowsAGuess) {
   std::vector<Pose> guess;
   for (std::size_t step = 1; step <= kSteps; ++step) {
-    const double time = Traffic::kStep_s * static_cast<double>(step);
+    const double time = kStep_s * static_cast<double>(step);
     guess.push_back({.x_m = 10.0 * time, .y_m = kLane_m * std::min(1.0, time / 4.0)});
   }
   const Problem given = problem();

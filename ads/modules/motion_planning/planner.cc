@@ -2,22 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <tuple>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "common/scalar.h"
 #include "minimal_risk.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
 
-constexpr double kStep_s = Traffic::kStep_s;
-constexpr double kHalfStep_s = kStep_s / 2.0;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using ads::kInfinity;
+using ads::outside;
 
+constexpr double kHalfStep_s = kStep_s / 2.0;
 // Deviations from the goal state: all 0 when it is reached.
 struct Miss {
   double along_m = 0.0;
@@ -30,10 +30,6 @@ struct Miss {
            std::abs(speed_mps);
   }
 };
-
-double outside(double value, double low, double high) {
-  return value < low ? value - low : std::max(0.0, value - high);
-}
 
 Miss miss_of(const Goal& goal, const Road& road, const State& state) {
   const double cosine = std::cos(goal.centre.heading_rad);

@@ -106,7 +106,7 @@ inline double cruise_share(double error_mps) {
   return std::min(1.0, kProblem.far_mps / std::max(1e-9, std::abs(error_mps)));
 }
 
-/// A way to drive: `inputs[k]` leads from `states[k]` to `states[k + 1]`, `Traffic::kStep_s` later.
+/// A way to drive: `inputs[k]` leads from `states[k]` to `states[k + 1]`, `kStep_s` later.
 struct Way {
   std::vector<State> states = {};
   std::vector<Input> inputs = {};

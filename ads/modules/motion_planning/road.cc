@@ -6,14 +6,13 @@
 #include <numbers>
 
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
 
-double mix(double from, double to, double share) {
-  return from + share * (to - from);
-}
+using ads::mix;
 
 double length(double x, double y) {
   return std::sqrt(x * x + y * y);

@@ -4,21 +4,17 @@
 #include <array>
 #include <cmath>
 
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
 
-constexpr double kLayer_s = 2.0 * Traffic::kStep_s;
+using ads::outside;
+using ads::squared;
+
+constexpr double kLayer_s = 2.0 * kStep_s;
 constexpr std::size_t kCells = 1U << 15U;
-
-constexpr double outside(double value, double low, double high) {
-  return value < low ? value - low : (value > high ? value - high : 0.0);
-}
-
-constexpr double square(double value) {
-  return value * value;
-}
 
 }  // namespace
 
@@ -84,8 +80,8 @@ double Search::traffic_cost(std::size_t step, double along_m, double offset_m, b
       if (into_along <= 0.0 || into_across <= 0.0) {
         break;
       }
-      cost += 0.5 * space.weight * square(into_along * into_across) /
-              (square(into_along) + square(into_across));
+      cost += 0.5 * space.weight * squared(into_along * into_across) /
+              (squared(into_along) + squared(into_across));
     }
   }
   return cost;
@@ -115,9 +111,9 @@ double Search::goal_miss(const Node& from, const Node& to, double from_s) const 
       outside(offset - goal_offset_m(end_m), -kProblem.goal_width_share * goal.half_width_m,
               kProblem.goal_width_share * goal.half_width_m);
   const double speed = outside(to.speed_mps, goal.speed_mps.low, goal.speed_mps.high);
-  return kSearch.goal_miss * (std::min(square(along), kSearch.goal_square + std::abs(along)) +
-                              std::min(square(across), kSearch.goal_square + std::abs(across)) +
-                              kSearch.goal_speed * square(speed));
+  return kSearch.goal_miss * (std::min(squared(along), kSearch.goal_square + std::abs(along)) +
+                              std::min(squared(across), kSearch.goal_square + std::abs(across)) +
+                              kSearch.goal_speed * squared(speed));
 }
 
 // The least that reaching the goal can cost from here: a linear acceleration profile, and moving
@@ -132,26 +128,26 @@ double Search::still_to_come(const Node& node, double time_s) const {
   const double way = goal_.along_m - node.along_m;
   const double beyond = -way - goal.room_along_m();
   if (beyond > 0.0) {  // The vehicle does not reverse.
-    return std::min(kSearch.goal_miss * std::min(square(beyond), kSearch.goal_square + beyond),
+    return std::min(kSearch.goal_miss * std::min(squared(beyond), kSearch.goal_square + beyond),
                     kSearch.goal_miss_max);
   }
   const double room = goal.on_road ? goal.room_along_m() : 0.0;
   const double late = std::max(0.0, way - room - node.speed_mps * latest);
   const double early = std::max(0.0, node.speed_mps * earliest - way - room);
   // The least integral of a^2 that gains a way of e within T is 3 e^2 / T^3.
-  const double effort = late > 0.0 ? 1.5 * square(late) / (latest * latest * latest)
-                                   : 1.5 * square(early) / (earliest * earliest * earliest);
+  const double effort = late > 0.0 ? 1.5 * squared(late) / (latest * latest * latest)
+                                   : 1.5 * squared(early) / (earliest * earliest * earliest);
   const double side =
       std::abs(start_.offset_m + kSearch.offset_m * node.offset - goal_offset_m(goal_.along_m));
   const double unreachable =
       std::max(0.0, side - latest) +
-      std::max(0.0, 2.0 * late / square(latest) - kSearch.reach_speeding_up_mps2) *
+      std::max(0.0, 2.0 * late / squared(latest) - kSearch.reach_speeding_up_mps2) *
           kSearch.unreachable +
-      std::max(0.0, 2.0 * early / square(earliest) - kSearch.reach_braking_mps2) *
+      std::max(0.0, 2.0 * early / squared(earliest) - kSearch.reach_braking_mps2) *
           kSearch.unreachable;
   const double estimate = 3.0 * kOptimizer.acceleration * effort +
                           0.5 * kSearch.side_speed * side * side / latest +
-                          kSearch.goal_miss * square(unreachable);
+                          kSearch.goal_miss * squared(unreachable);
   return std::min(estimate, kSearch.goal_miss_max);
 }
 
@@ -160,14 +156,14 @@ double Search::road_cost(const Node& node) const {
   const double offset = start_.offset_m + kSearch.offset_m * node.offset;
   double cost =
       0.5 * kOptimizer.lane *
-      square(std::min(kSearch.lane_far_m, std::abs(offset - road.lane_m(node.along_m, offset))));
+      squared(std::min(kSearch.lane_far_m, std::abs(offset - road.lane_m(node.along_m, offset))));
   const double space = problem_.vehicle.width_m / 2.0 + kSearch.edge_space_m;
   cost += 0.5 * kOptimizer.edge *
-          square(std::max(0.0, offset + space - road.left_edge_m(node.along_m)));
+          squared(std::max(0.0, offset + space - road.left_edge_m(node.along_m)));
   cost += 0.5 * kOptimizer.edge *
-          square(std::max(0.0, -offset + space - road.right_edge_m(node.along_m)));
-  const double lateral = square(node.speed_mps) * std::abs(road.curvature_per_m(node.along_m));
-  cost += 0.5 * kSearch.lateral * square(std::max(0.0, lateral - kSearch.lateral_mps2));
+          squared(std::max(0.0, -offset + space - road.right_edge_m(node.along_m)));
+  const double lateral = squared(node.speed_mps) * std::abs(road.curvature_per_m(node.along_m));
+  cost += 0.5 * kSearch.lateral * squared(std::max(0.0, lateral - kSearch.lateral_mps2));
   return cost;
 }
 
@@ -230,10 +226,11 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
     const double jerk = (acceleration - from.acceleration_mps2) / kLayer_s;
     const double used =
         driven_s == kLayer_s ? acceleration : (to.speed_mps - from.speed_mps) / kLayer_s;
-    double motion = 0.5 * kLayer_s *
-                    (kOptimizer.jerk * square(jerk) * 0.5 + kOptimizer.acceleration * square(used) +
-                     kOptimizer.discomfort * square(outside(used, kOptimizer.comfort_braking_mps2,
-                                                            kOptimizer.comfort_speeding_up_mps2)));
+    double motion =
+        0.5 * kLayer_s *
+        (kOptimizer.jerk * squared(jerk) * 0.5 + kOptimizer.acceleration * squared(used) +
+         kOptimizer.discomfort * squared(outside(used, kOptimizer.comfort_braking_mps2,
+                                                 kOptimizer.comfort_speeding_up_mps2)));
     const int stride = way > kSearch.two_offsets_m ? 2 : 1;
     for (int move = -stride; move <= stride; move += stride) {
       if (move != 0 && way < kSearch.one_offset_m) {
@@ -252,11 +249,11 @@ void Search::expand(std::size_t layer, const Node& from, std::int32_t index) {
       cost *= 0.5 * kLayer_s;
       cost += motion + kLayer_s * road_cost(to);
       cost += 0.5 * kLayer_s *
-              (kSearch.side_speed * square(kSearch.offset_m * move / kLayer_s) +
-               kSearch.side_change * square(kSearch.offset_m * (move - from.move) / kLayer_s));
+              (kSearch.side_speed * squared(kSearch.offset_m * move / kLayer_s) +
+               kSearch.side_change * squared(kSearch.offset_m * (move - from.move) / kLayer_s));
       const bool is_before_goal = problem_.goal && from_s < problem_.goal->time_s.high;
       const double error = to.speed_mps - cruise_at(problem_, profile_, to.along_m, is_before_goal);
-      cost += 0.5 * kLayer_s * kOptimizer.cruise * cruise_share(error) * square(error);
+      cost += 0.5 * kLayer_s * kOptimizer.cruise * cruise_share(error) * squared(error);
       to.cost = from.cost + cost;
       to.goal_cost = from.goal_cost;
       if (problem_.goal) {

@@ -86,7 +86,7 @@ std::vector<double> speeds_of(const Found& found) {
   std::vector<double> speeds;
   double before_m = 0.0;
   for (std::size_t step = 1; step < found.poses.size(); step += 2) {
-    speeds.push_back((found.poses[step].x_m - before_m) / (2.0 * Traffic::kStep_s));
+    speeds.push_back((found.poses[step].x_m - before_m) / (2.0 * kStep_s));
     before_m = found.poses[step].x_m;
   }
   return speeds;

@@ -2,14 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using ads::kInfinity;
 
 // A lower limit is kept from so far before it on: the road's points are a metre apart, and it may
 // begin anywhere between two of them.

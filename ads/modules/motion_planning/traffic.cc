@@ -4,10 +4,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
+
+using ads::mix;
 
 PredictedState moved(const PredictedState& from, double time_s) {
   PredictedState to = from;
@@ -15,10 +18,6 @@ PredictedState moved(const PredictedState& from, double time_s) {
   to.y_m += time_s * from.speed_mps * std::sin(from.heading_rad);
   to.along_stddev_m += std::max(0.0, time_s);
   return to;
-}
-
-double mix(double from, double to, double share) {
-  return from + share * (to - from);
 }
 
 Occupant occupant(const PredictedState& state, const TrafficObject& object, double probability) {
@@ -88,14 +87,14 @@ void keep_behind(Follower& follower, const Follower& leader, double spare_m,
     const double gap =
         leader.alongs_m[step] - along - leader.half_length_m - follower.half_length_m - spare_m;
     const double predicted = follower.alongs_m[step + 1] - follower.alongs_m[step];
-    speed += Traffic::kStep_s * kTraffic.speeding_up_mps2;
+    speed += kStep_s * kTraffic.speeding_up_mps2;
     if (is_same_lane) {
-      speed -= Traffic::kStep_s * braking(speed, speed - leader.speeds_mps[step], gap);
+      speed -= kStep_s * braking(speed, speed - leader.speeds_mps[step], gap);
     }
-    speed = std::clamp(speed, 0.0, std::max(0.0, predicted / Traffic::kStep_s));
+    speed = std::clamp(speed, 0.0, std::max(0.0, predicted / kStep_s));
     follower.alongs_m[step] = along;
     follower.speeds_mps[step] = speed;
-    along += Traffic::kStep_s * speed;
+    along += kStep_s * speed;
   }
   follower.alongs_m.back() = along;
   follower.speeds_mps.back() = speed;
@@ -105,7 +104,7 @@ Follower follower_of(const TrafficObject& object, const PredictedWay& way, const
                      std::size_t steps) {
   Follower follower{.half_length_m = object.length_m / 2.0, .half_width_m = object.width_m / 2.0};
   for (std::size_t step = 0; step <= steps; ++step) {
-    const PredictedState state = state_at(way, Traffic::kStep_s * static_cast<double>(step));
+    const PredictedState state = state_at(way, kStep_s * static_cast<double>(step));
     const RoadPlace place = road.locate(state.x_m, state.y_m);
     const bool is_aligned = std::cos(state.heading_rad - place.heading_rad) > kTraffic.aligned;
     // An object that drives across the road is in no queue.
@@ -132,7 +131,7 @@ Follower follower_of(const Vehicle& vehicle, const std::vector<State>& states, c
 // The way, driven as far as `follower` does instead of as far as predicted.
 PredictedWay slowed(const PredictedWay& way, const std::vector<double>& predicted_m,
                     const Follower& follower) {
-  PredictedWay slow{.probability = way.probability, .step_s = Traffic::kStep_s};
+  PredictedWay slow{.probability = way.probability, .step_s = kStep_s};
   std::size_t index = 0;
   for (std::size_t step = 0; step < predicted_m.size(); ++step) {
     const double along = follower.alongs_m[step];
@@ -143,9 +142,9 @@ PredictedWay slowed(const PredictedWay& way, const std::vector<double>& predicte
         index + 1 < predicted_m.size() ? predicted_m[index + 1] - predicted_m[index] : 0.0;
     const double share =
         piece > 1e-6 ? std::clamp((along - predicted_m[index]) / piece, 0.0, 1.0) : 0.0;
-    const double time = Traffic::kStep_s * (static_cast<double>(index) + share);
+    const double time = kStep_s * (static_cast<double>(index) + share);
     PredictedState state = state_at(way, time);
-    const PredictedState then = state_at(way, Traffic::kStep_s * static_cast<double>(step));
+    const PredictedState then = state_at(way, kStep_s * static_cast<double>(step));
     state.speed_mps = follower.speeds_mps[step];
     state.along_stddev_m = then.along_stddev_m;
     state.across_stddev_m = then.across_stddev_m;
@@ -159,7 +158,7 @@ PredictedWay slowed(const PredictedWay& way, const std::vector<double>& predicte
 std::vector<TrafficObject> in_queues(const std::vector<TrafficObject>& objects, const Road& road,
                                      const Vehicle& vehicle, const std::vector<State>& ego,
                                      double horizon_s) {
-  const auto steps = static_cast<std::size_t>(std::ceil(horizon_s / Traffic::kStep_s));
+  const auto steps = static_cast<std::size_t>(std::ceil(horizon_s / kStep_s));
   const Follower own = follower_of(vehicle, ego, road, steps);
   std::vector<Follower> ahead = {};  // Those already processed, with their new motion.
   std::vector<std::size_t> order = {};

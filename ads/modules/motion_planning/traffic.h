@@ -60,13 +60,13 @@ struct Occupant {
   std::array<Space, 3> spaces = {};
 };
 
+inline constexpr double kStep_s = kTraffic.step_s;  ///< Between two planning times.
+
 /// All predicted objects at the planning times: every `kStep_s` from the start.
 ///
 /// @threads  Compatible.
 class Traffic {
  public:
-  static constexpr double kStep_s = kTraffic.step_s;
-
   Traffic() = default;
   /// `steps` steps follow the start. Beyond the end of a prediction its object drives straight on.
   Traffic(const std::vector<TrafficObject>& objects, std::size_t steps);

@@ -2,13 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "motion_planning_tuning.h"
 
 namespace motion_planning {
 namespace {
+
+using ads::kInfinity;
 
 ads::Box box_of(const Vehicle& vehicle, const State& state) {
   return {.center_m = {state.x_m, state.y_m},
@@ -71,7 +73,7 @@ State Trajectory::at(double time_s) const {
 }
 
 Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s) {
-  constexpr double kHalf_s = Traffic::kStep_s / 2.0;
+  constexpr double kHalf_s = kStep_s / 2.0;
   Trajectory trajectory{.start_s = start_s, .step_s = kHalf_s, .states = {}};
   for (std::size_t step = 0; step < way.inputs.size(); ++step) {
     trajectory.states.push_back(way.states[step]);
@@ -84,12 +86,11 @@ Trajectory trajectory_of(const Vehicle& vehicle, const Way& way, double start_s)
 
 Verdict judge(const Vehicle& vehicle, const Trajectory& trajectory, const Traffic& traffic,
               double until_s, const std::vector<bool>& is_ignored, double probability_min) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   constexpr double kRounding = 1e-9;
   Verdict verdict{.smallest_gap_m = kInfinity, .hit_s = kInfinity};
   const double reach = 0.5 * std::hypot(vehicle.length_m, vehicle.width_m);
   for (std::size_t step = 0; step <= traffic.steps(); ++step) {
-    const double time = Traffic::kStep_s * static_cast<double>(step);
+    const double time = kStep_s * static_cast<double>(step);
     if (time > until_s) {
       break;
     }

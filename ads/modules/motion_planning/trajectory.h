@@ -11,7 +11,7 @@ namespace motion_planning {
 /// States at equal time intervals.
 struct Trajectory {
   double start_s = 0.0;
-  double step_s = Traffic::kStep_s / 2.0;
+  double step_s = kStep_s / 2.0;
   std::vector<State> states = {};
 
   /// Interpolated between the states; the first or the last one beyond the ends. @pre  There are

@@ -36,9 +36,9 @@ Verdict verdict_of(const TrafficObject& object) {
 Way that_reverses(const Vehicle& vehicle) {
   Way way{.states = {{.speed_mps = 2.0, .acceleration_mps2 = -2.0, .steering_rad = 0.3}}};
   for (int step = 0; step < 20; ++step) {
-    const double jerk = step == 9 ? 6.0 / Traffic::kStep_s : 0.0;
+    const double jerk = step == 9 ? 6.0 / kStep_s : 0.0;
     way.inputs.push_back({.jerk_mps3 = jerk});
-    way.states.push_back(drive(vehicle, way.states.back(), way.inputs.back(), Traffic::kStep_s));
+    way.states.push_back(drive(vehicle, way.states.back(), way.inputs.back(), kStep_s));
   }
   return way;
 }
@@ -80,7 +80,7 @@ TEST(TrajectoryOf, KeepsTheStatesOfAWayThatDrivesForward) {
 TEST(Judge, SaysWhenAndHowFastSomethingIsTouched) {
   const Verdict verdict = verdict_of(car(20.0, 0.0, 4.0));
 
-  EXPECT_NEAR(verdict.hit_s, (20.0 - 4.5) / 6.0, Traffic::kStep_s);
+  EXPECT_NEAR(verdict.hit_s, (20.0 - 4.5) / 6.0, kStep_s);
   EXPECT_NEAR(verdict.hit_mps, 6.0, 1e-9);
   EXPECT_EQ(verdict.smallest_gap_m, 0.0);
 }

@@ -2,19 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <Eigen/Geometry>
 
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "odometry_tuning.h"
 
 namespace odometry {
 namespace {
 
-double squared(double value) {
-  return value * value;
-}
+using ads::squared;
 
 std::array<int, 3> voxel_at(const Eigen::Vector3f& place_m, double size_m) {
   const auto index = [size_m](float value) {

@@ -12,8 +12,6 @@
 namespace ads {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 // A point in the directions of the box, from the reference.
 using Along = Eigen::Vector2d;
 
@@ -182,7 +180,7 @@ class Measuring {
   [[nodiscard]] double azimuth(std::size_t index) const {
     return std::remainder(static_cast<double>(view_.points[index].azimuth_rad) -
                               static_cast<double>(view_.points[0].azimuth_rad),
-                          2.0 * kPi);
+                          2.0 * std::numbers::pi);
   }
 
   const ObjectView& view_;
@@ -217,7 +215,8 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
   double turn = 0.0;
   for (int axis = 0; axis < 2; ++axis) {
     // A face along `axis`, on the sensor's side; its slope is how far the heading is off.
-    const Eigen::Vector2d ahead = direction(heading_rad + (axis == 0 ? 0.0 : 0.5 * kPi));
+    const Eigen::Vector2d ahead =
+        direction(heading_rad + (axis == 0 ? 0.0 : 0.5 * std::numbers::pi));
     const double side = cross(ahead, view.sensor_m - reference_m) > 0.0 ? 1.0 : -1.0;
     double slope = 0.0;
     double offset = -std::numeric_limits<double>::infinity();
@@ -285,7 +284,7 @@ std::optional<SeenHeading> heading_of_faces(const ObjectView& view,
 }
 
 double heading_by_closeness(const ObjectView& view, double middle_rad, double reach_rad) {
-  constexpr double kStep_rad = kBoxView.closeness_step_deg * kPi / 180.0;
+  constexpr double kStep_rad = kBoxView.closeness_step_deg * std::numbers::pi / 180.0;
   const std::size_t stride = view.points.size() / kBoxView.closeness_points_max + 1;
   const auto closeness = [&](double heading) {
     const Eigen::Vector2d axis = direction(heading);

@@ -3,16 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/scalar.h"
 #include "perception_tuning.h"
 
 namespace ads {
-namespace {
-
-double squared(double value) {
-  return value * value;
-}
-
-}  // namespace
+namespace {}  // namespace
 
 Clustering::Clustering(const ClusteringConfig& config)
     : config_(config),

@@ -9,7 +9,7 @@
 namespace ads {
 namespace {
 
-constexpr float kNothing = std::numeric_limits<float>::infinity();
+constexpr float kNoReturn_m = std::numeric_limits<float>::infinity();
 
 }  // namespace
 
@@ -20,7 +20,7 @@ Ground::Ground(const GroundConfig& config)
       ground_z_m_(bins_.size()) {}
 
 void Ground::fit(std::span<const RawReturn> returns, double mount_height_m) {
-  std::fill(bins_.begin(), bins_.end(), Bin{.lowest_z_m = kNothing, .range_m = 0.0F});
+  std::fill(bins_.begin(), bins_.end(), Bin{.lowest_z_m = kNoReturn_m, .range_m = 0.0F});
   for (const RawReturn& beam_return : returns) {
     Bin& bin = bins_[sector_of(beam_return) * bins_per_sector_ + bin_of(beam_return.range_m)];
     if (beam_return.z_m < bin.lowest_z_m) {
@@ -60,7 +60,7 @@ void Ground::walk(std::size_t sector, float begin_z_m) {
     const Bin& lowest = bins_[first + bin];
     const float apart = lowest.range_m - last_range;
     const float rise = lowest.lowest_z_m - last_z;
-    const bool is_ground = lowest.lowest_z_m < kNothing &&
+    const bool is_ground = lowest.lowest_z_m < kNoReturn_m &&
                            std::abs(rise) <= static_cast<float>(config_.slope_max) * apart +
                                                  static_cast<float>(config_.step_max_m);
     if (!is_ground) {

@@ -11,7 +11,7 @@ namespace ads {
 namespace {
 
 constexpr std::size_t kCells = 2 * kRoadBorders.cells_per_side;
-constexpr float kNothing = std::numeric_limits<float>::infinity();
+constexpr float kNoLevel_m = std::numeric_limits<float>::infinity();
 
 bool is_in(const Standing& box, const Eigen::Vector2d& place_m) {
   const Eigen::Vector2d apart = place_m - box.center_m;
@@ -47,8 +47,8 @@ const RoadBorders& BorderFinder::find(std::span<const RawReturn> returns, double
 
 void BorderFinder::fill(std::span<const RawReturn> returns, double mount_height_m,
                         std::span<const Standing> standing) {
-  std::fill(cells_.begin(), cells_.end(), Cell{.lowest_m = kNothing, .highest_m = -kNothing});
-  std::fill(level_m_.begin(), level_m_.end(), kNothing);
+  std::fill(cells_.begin(), cells_.end(), Cell{.lowest_m = kNoLevel_m, .highest_m = -kNoLevel_m});
+  std::fill(level_m_.begin(), level_m_.end(), kNoLevel_m);
   for (const RawReturn& beam_return : returns) {
     const float along = (beam_return.x_m - kRoadBorders.behind_m) / kRoadBorders.slice_m;
     const float across =
@@ -92,7 +92,7 @@ void BorderFinder::walk(std::size_t slice, int side, std::vector<BorderPlace>& f
     const int column = kRoadBorders.cells_per_side + (side > 0 ? step : -1 - step);
     const Cell& cell = cells_[slice * kCells + static_cast<std::size_t>(column)];
     const float away = (static_cast<float>(step) + 0.5F) * kRoadBorders.cell_m;
-    if (cell.lowest_m == kNothing) {
+    if (cell.lowest_m == kNoLevel_m) {
       continue;
     }
     const float apart = away - last;

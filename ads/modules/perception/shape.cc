@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "perception_tuning.h"
 
 namespace ads {
@@ -13,8 +14,6 @@ namespace {
 
 constexpr float kTurn_rad = 2.0F * std::numbers::pi_v<float>;
 constexpr int kHighSide = 401;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 // How far points reach in one direction.
 class Extent {
  public:

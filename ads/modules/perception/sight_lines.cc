@@ -12,10 +12,10 @@
 namespace ads {
 namespace {
 
-constexpr double kBin_rad = 2.0 * std::numbers::pi / kSightLines.bins;
+constexpr double kSightBin_rad = 2.0 * std::numbers::pi / kSightLines.bins;
 
 std::size_t bin_of(double azimuth_rad) {
-  const auto bin = static_cast<int>(std::floor(azimuth_rad / kBin_rad));
+  const auto bin = static_cast<int>(std::floor(azimuth_rad / kSightBin_rad));
   return static_cast<std::size_t>(((bin % kSightLines.bins) + kSightLines.bins) % kSightLines.bins);
 }
 
@@ -103,16 +103,16 @@ int SightLines::through(const ObjectView& view, const GroundBox& box) const {
   }
   const double middle = std::atan2(away.y(), away.x()) - view.sensor_heading_rad;
   const double reach = std::atan2(half.matrix().norm(), away.norm());
-  const int bins = std::min(kSightLines.bins / 2, static_cast<int>(reach / kBin_rad) + 1);
+  const int bins = std::min(kSightLines.bins / 2, static_cast<int>(reach / kSightBin_rad) + 1);
   float ground = 0.0F;
   for (const ObjectPoint& point : view.points) {
     ground += point.ground_m / static_cast<float>(view.points.size());
   }
   int count = 0;
   for (int step = -bins; step <= bins; ++step) {
-    const std::size_t bin = bin_of(middle + step * kBin_rad);
+    const std::size_t bin = bin_of(middle + step * kSightBin_rad);
     const Eigen::Vector2d sight =
-        direction(view.sensor_heading_rad + (static_cast<double>(bin) + 0.5) * kBin_rad);
+        direction(view.sensor_heading_rad + (static_cast<double>(bin) + 0.5) * kSightBin_rad);
     const Eigen::Array2d along(sight.dot(ahead), sight.dot(left));
     // Where the line enters the box and leaves it.
     const Eigen::Array2d one = (-half - sensor) / along;

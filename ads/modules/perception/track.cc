@@ -12,16 +12,11 @@
 #include <fmt/format.h>
 
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "perception_tuning.h"
 
 namespace ads {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
-
-double squared(double value) {
-  return value * value;
-}
 
 template <typename Matrix>
 void write(const Matrix& matrix, google::protobuf::RepeatedField<double>& values) {
@@ -183,7 +178,7 @@ void Track::turn_about(const Eigen::Vector2d& point_m, double turn_rad) {
 
 // The heading of the rectangle that fits. If that is far off several times, it is believed.
 double Track::near_heading_of(const ObjectView& view) {
-  const double best = heading_by_closeness(view, heading_[0], 0.25 * kPi);
+  const double best = heading_by_closeness(view, heading_[0], 0.25 * std::numbers::pi);
   const bool is_near = std::abs(best - heading_[0]) < kTrack.turn_rad;
   misfits_ = is_near ? 0 : misfits_ + 1;
   if (misfits_ > kTrack.misfits_max) {
@@ -267,8 +262,8 @@ bool Track::follow_course() {
   const double course = std::atan2(velocity.y(), velocity.x());
   const double off = normalize_angle(course - heading_[0]);
   // It may drive backwards.
-  const double axis_off = std::remainder(off, kPi);
-  if (std::abs(axis_off) > 0.25 * kPi) {
+  const double axis_off = std::remainder(off, std::numbers::pi);
+  if (std::abs(axis_off) > 0.25 * std::numbers::pi) {
     ++astray_;
     if (!has_course_ || (astray_ > kTrack.astray_max && speed > 2.0 * config_.course_speed_mps)) {
       turn_to(course);
@@ -279,8 +274,8 @@ bool Track::follow_course() {
   astray_ = 0;
   if (!has_course_) {
     has_course_ = true;
-    if (std::abs(off) > 0.5 * kPi) {
-      heading_[0] = normalize_angle(heading_[0] + kPi);
+    if (std::abs(off) > 0.5 * std::numbers::pi) {
+      heading_[0] = normalize_angle(heading_[0] + std::numbers::pi);
       return false;
     }
   }

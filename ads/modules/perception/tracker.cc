@@ -15,23 +15,21 @@
 namespace ads {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 // From the visible faces: a completely visible face no longer than a car's width is its front or
 // rear, a longer one its side. A smaller visible part is assumed to lie as `likely_rad` does. Of
 // both directions, the one closer to that.
 double first_heading(const ObjectView& view, const Skyline& skyline,
                      const Eigen::Vector2d& reference_m, double likely_rad) {
-  double heading = heading_by_closeness(view, likely_rad, 0.25 * kPi);
+  double heading = heading_by_closeness(view, likely_rad, 0.25 * std::numbers::pi);
   const BoxView box = view_box(view, skyline, reference_m, heading);
   const double along = box.front.place_m - box.rear.place_m;
   const double across = box.left.place_m - box.right.place_m;
   const bool is_across = along > across && along < kTracker.side_from_m &&
                          along > kTracker.front_from_m && box.front.is_end && box.rear.is_end;
   if (across > kTracker.side_from_m || is_across) {
-    heading += 0.5 * kPi;
+    heading += 0.5 * std::numbers::pi;
   }
-  return std::cos(heading - likely_rad) < 0.0 ? heading + kPi : heading;
+  return std::cos(heading - likely_rad) < 0.0 ? heading + std::numbers::pi : heading;
 }
 
 }  // namespace
@@ -462,8 +460,8 @@ bool Tracker::is_two_wheeler(const Group& group, double heading_rad) const {
   }
   const double sight_rad = group.points.front().azimuth_rad;
   const auto from_sight = [sight_rad](const ObjectPoint& a, const ObjectPoint& b) {
-    return std::remainder(a.azimuth_rad - sight_rad, 2.0 * kPi) <
-           std::remainder(b.azimuth_rad - sight_rad, 2.0 * kPi);
+    return std::remainder(a.azimuth_rad - sight_rad, 2.0 * std::numbers::pi) <
+           std::remainder(b.azimuth_rad - sight_rad, 2.0 * std::numbers::pi);
   };
   const auto [right, left] = std::ranges::minmax_element(group.points, from_sight);
   return !skyline_.is_hidden_beside(right->azimuth_rad, right->range_m, -1) &&

@@ -9,10 +9,13 @@
 
 #include <fmt/format.h>
 
+#include "common/scalar.h"
 #include "plan_checker_tuning.h"
 
 namespace plan_checker {
 namespace {
+
+using ads::seconds_of;
 
 Limits read_limits(fastcycle::Context& context) {
   Limits limits;
@@ -88,10 +91,6 @@ Limits read_limits(fastcycle::Context& context) {
   return limits;
 }
 
-double seconds(std::int64_t ns) {
-  return 1e-9 * static_cast<double>(ns);
-}
-
 // "COLLISION" as "collision".
 std::string name_of(planning::Rule rule) {
   std::string name = planning::Rule_Name(rule);
@@ -162,7 +161,7 @@ std::optional<Motion> PlanChecker::ego_now() const {
   if (!ego || ego->quality() == localization::INITIALIZING) {
     return std::nullopt;
   }
-  const double age_s = seconds(now().time_since_epoch().count() - ego->header().taken_ns());
+  const double age_s = seconds_of(now().time_since_epoch().count() - ego->header().taken_ns());
   const double ahead_s = std::clamp(age_s, 0.0, kPlanChecker.oldest_s);
   const double way_m = ahead_s * (ego->speed_mps() + 0.5 * ahead_s * ego->acceleration_mps2());
   const double turn = ahead_s * ego->yaw_rate_radps();
@@ -179,8 +178,9 @@ void PlanChecker::on_plan(const fastcycle::Sample<planning::Plan>& plan) {
   update_road();
   const auto predictions = predictions_.get();
   const std::int64_t now_ns = now().time_since_epoch().count();
-  const bool is_accepted_new = accepted_.has_nominal() &&
-                               seconds(now_ns - accepted_.nominal().start_ns()) < limits_.age_max_s;
+  const bool is_accepted_new =
+      accepted_.has_nominal() &&
+      seconds_of(now_ns - accepted_.nominal().start_ns()) < limits_.age_max_s;
   auto verdict = verdicts_.loan();
   rules_.check(*plan,
                {.now_ns = now_ns,

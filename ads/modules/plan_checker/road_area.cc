@@ -6,10 +6,13 @@
 
 #include "common/map_lines.h"
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "plan_checker_tuning.h"
 
 namespace plan_checker {
 namespace {
+
+using ads::kInfinity;
 
 bool is_line(const std::vector<Eigen::Vector2d>& points) {
   return points.size() > 1 && std::ranges::all_of(points, [](const Eigen::Vector2d& point) {
@@ -101,7 +104,6 @@ double RoadArea::beyond_m(const Eigen::Vector2d& place_m) const {
     }
   }
   // A lane is nearly always close by: then few edges have to be tested.
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double least_m = kInfinity;
   for (const double within_m : {1.0, 10.0, 100.0, kInfinity}) {
     for (const Lane& lane : lanes_) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <set>
 #include <string>
@@ -12,19 +11,17 @@
 #include <fmt/format.h>
 
 #include "common/plane.h"
+#include "common/scalar.h"
 #include "plan_checker_tuning.h"
 
 namespace plan_checker {
 namespace {
 
+using ads::kInfinity;
+using ads::seconds_of;
+
 using planning::Trajectory;
 using planning::TrajectoryPoint;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-double seconds(std::int64_t ns) {
-  return 1e-9 * static_cast<double>(ns);
-}
 
 bool is_finite(const TrajectoryPoint& point) {
   return std::isfinite(point.time_s()) && std::isfinite(point.x_m()) &&
@@ -257,7 +254,7 @@ class TrajectoryCheck {
   }
 
   void check_age() {
-    const double age_s = seconds(around_.now_ns - trajectory_.start_ns());
+    const double age_s = seconds_of(around_.now_ns - trajectory_.start_ns());
     breaches_.above(planning::AGE, age_s, limits_.age_max_s, limits_.age_max_s, 0.0,
                     "it began {0:.2f} s ago, at most {2:.2f} s are allowed");
     breaches_.above(planning::AGE, -age_s, kRules.ahead_s, kRules.ahead_s, 0.0,
@@ -269,7 +266,7 @@ class TrajectoryCheck {
       return;
     }
     const Motion& ego = *around_.ego;
-    const double now_s = seconds(around_.now_ns - trajectory_.start_ns());
+    const double now_s = seconds_of(around_.now_ns - trajectory_.start_ns());
     const Motion planned = motion_at(trajectory_, now_s);
     const double away_m = std::hypot(planned.x_m - ego.x_m, planned.y_m - ego.y_m);
     breaches_.above(planning::START, away_m, limits_.start_distance_max_m,
@@ -488,7 +485,7 @@ Rules::Touch Rules::first_touch(const Trajectory& trajectory, const Surroundings
   // A prediction continues through the vehicle; the duty to avoid the contact does not change then.
   std::set<const prediction::Hypothesis*> others_to_avoid;
   const double reach_m = std::hypot(limits_.length_m, limits_.width_m) / 2.0;
-  const double now_s = seconds(around.now_ns - trajectory.start_ns());
+  const double now_s = seconds_of(around.now_ns - trajectory.start_ns());
   for (const TrajectoryPoint& point : trajectory.points()) {
     const double time_s = point.time_s() - now_s;
     if (time_s > until_s) {
@@ -502,7 +499,7 @@ Rules::Touch Rules::first_touch(const Trajectory& trajectory, const Surroundings
                       .heading_rad = point.heading_rad(),
                       .speed_mps = point.speed_mps()};
     const double predicted_s =
-        seconds(around.now_ns - around.predictions->header().taken_ns()) + time_s;
+        seconds_of(around.now_ns - around.predictions->header().taken_ns()) + time_s;
     for (const prediction::PredictedObject& predicted : around.predictions->objects()) {
       const perception::Object& object = predicted.object().object();
       const double radius_m = std::hypot(object.length_m(), object.width_m()) / 2.0;
@@ -551,11 +548,11 @@ void check_inputs(const Limits& limits, const planning::Plan& plan, const Surrou
   missing(!around.ego, "where the vehicle is");
   missing(around.predictions == nullptr, "what others will do");
   missing(around.road == nullptr, "the road");
-  const double plan_age_s = seconds(around.now_ns - plan.header().taken_ns());
+  const double plan_age_s = seconds_of(around.now_ns - plan.header().taken_ns());
   breaches.above(planning::AGE, plan_age_s, limits.age_max_s, limits.age_max_s, 0.0,
                  "it was made for what was seen {0:.2f} s ago, at most {2:.2f} s are allowed");
   if (around.predictions != nullptr) {
-    const double age_s = seconds(around.now_ns - around.predictions->header().taken_ns());
+    const double age_s = seconds_of(around.now_ns - around.predictions->header().taken_ns());
     breaches.above(planning::AGE, age_s, limits.age_max_s, limits.age_max_s, 0.0,
                    "predictions are {0:.2f} s old, at most {2:.2f} s are allowed");
   }
@@ -578,7 +575,7 @@ bool Rules::is_apart_without(const planning::Plan& plan, const Surroundings& aro
 }
 
 double Rules::most_beyond_m(const Trajectory& trajectory, const Surroundings& around) const {
-  const double now_s = seconds(around.now_ns - trajectory.start_ns());
+  const double now_s = seconds_of(around.now_ns - trajectory.start_ns());
   double most_m = 0.0;
   for (const TrajectoryPoint& point : trajectory.points()) {
     if (point.time_s() >= now_s && point.time_s() <= now_s + limits_.certain_s) {

@@ -2,17 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
+#include "common/scalar.h"
 #include "prediction_tuning.h"
 
 namespace ads {
 namespace {
-
-double square(double value) {
-  return value * value;
-}
 
 double blend(double share) {
   const double x = std::clamp(share, 0.0, 1.0);
@@ -21,7 +17,7 @@ double blend(double share) {
 
 double blend_slope(double share) {
   const double x = std::clamp(share, 0.0, 1.0);
-  return 30.0 * square(x * (1.0 - x));
+  return 30.0 * squared(x * (1.0 - x));
 }
 
 void sort_by_probability(prediction::PredictedObject& predicted) {
@@ -64,7 +60,7 @@ Predictor::Track Predictor::begin(const scene::SceneObject& object) const {
   if (lanes_.has(object.lane())) {
     const double speed_mps = std::max(0.0, object.object().speed_mps());
     const double reach_m = speed_mps * options_.horizon_s +
-                           0.5 * kPredictor.speeding_up_mps2 * square(options_.horizon_s);
+                           0.5 * kPredictor.speeding_up_mps2 * squared(options_.horizon_s);
     track.paths = lanes_.from(object.lane(), track.along_m + reach_m + kPredictor.leader_ahead_m);
   }
   return track;
@@ -125,7 +121,7 @@ double Predictor::acceleration(const Track& track, const std::vector<Track>& tra
       std::clamp(track.source->object().acceleration_mps2(), 0.0, kPredictor.speeding_up_mps2);
   free_mps2 = std::max(free_mps2,
                        speeding_up_mps2 *
-                           std::max(0.0, 1.0 - square(speed_mps / kPredictor.speeding_up_to_mps)) *
+                           std::max(0.0, 1.0 - squared(speed_mps / kPredictor.speeding_up_to_mps)) *
                            std::exp(-time_s / kPredictor.speeding_up_decay_s));
   if (track.speed_mps.front() < kPredictor.standing_mps) {
     free_mps2 = speed_mps < kPredictor.start_mps ? kPredictor.start_mps2 : 0.0;
@@ -142,7 +138,7 @@ double Predictor::acceleration(const Track& track, const std::vector<Track>& tra
   const double gap_m = track.gap_m + leader.way_m[step] - track.way_m[step];
   const double left_m = std::max(kPredictor.gap_min_m, gap_m - options_.distance_min_m);
   return std::max(-kPredictor.braking_mps2,
-                  std::min(free_mps2, -square(closing_mps) / (2.0 * left_m)));
+                  std::min(free_mps2, -squared(closing_mps) / (2.0 * left_m)));
 }
 
 void Predictor::add_hypotheses(const Track& track, prediction::PredictedObject& predicted) const {
@@ -276,7 +272,7 @@ void Predictor::follow(const Track& track, const LanePath& path, double along_m,
       const double bend_rad =
           normalize_angle(path.line.heading_at(at_m) - path.line.heading_at(along_m));
       const double share =
-          std::exp(-time_s / kPredictor.straight_s - square(bend_rad / kPredictor.straight_rad));
+          std::exp(-time_s / kPredictor.straight_s - squared(bend_rad / kPredictor.straight_rad));
       const Eigen::Vector2d straight = Eigen::Vector2d(object.x_m(), object.y_m()) +
                                        track.way_m[step] * direction(object.heading_rad());
       position = share * straight + (1.0 - share) * position;
@@ -341,7 +337,7 @@ void Predictor::fill_stddevs(const perception::Object& object, double time_s, bo
                              prediction::Point& point) const {
   const double speed_stddev = std::hypot(object.speed_stddev_mps(), options_.along_stddev_mps);
   point.set_along_stddev_m(std::hypot(object.position_stddev_m(), speed_stddev * time_s,
-                                      0.5 * options_.along_stddev_mps2 * square(time_s)));
+                                      0.5 * options_.along_stddev_mps2 * squared(time_s)));
   const double drift_m = options_.across_stddev_mps * time_s;
   const double heading_m = object.heading_stddev_rad() * std::abs(object.speed_mps()) * time_s;
   const double across_m =

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -13,6 +12,7 @@
 
 #include "common/even.h"
 #include "common/params.h"
+#include "common/scalar.h"
 
 namespace ads {
 namespace {
@@ -86,10 +86,6 @@ LidarConfig read_lidar(fastcycle::Context& context) {
                           .description = "Distance of the sensor in front of the vehicle's centre"})
           .get();
   return lidar;
-}
-
-double seconds(std::int64_t span_ns) {
-  return static_cast<double>(span_ns) * 1e-9;
 }
 
 }  // namespace
@@ -228,7 +224,7 @@ void Drivers::on_scene(const fastcycle::Sample<world::Scene>& scene) {
     begin_turn(time_ns);
     next_position_ns_ = time_ns;
   }
-  publish_motion(*scene, joins ? seconds(passed_ns) : 0.0);
+  publish_motion(*scene, joins ? seconds_of(passed_ns) : 0.0);
   if (time_ns >= next_position_ns_) {
     publish_position(*scene);
     next_position_ns_ += static_cast<std::int64_t>(gnss_.period_s.get() * 1e9);
@@ -274,7 +270,7 @@ void Drivers::begin_turn(std::int64_t time_ns) {
 
 void Drivers::end_turn() {
   lidar::Sweep& sweep = **sweep_;
-  const bool has_fault = seconds((now() - start_time()).count()) >= lidar_fault_after_s_.get();
+  const bool has_fault = seconds_of((now() - start_time()).count()) >= lidar_fault_after_s_.get();
   if (has_fault && lidar_fault_.get() == LidarFault::kEmpty) {
     sweep.mutable_points()->clear();
   } else if (has_fault && lidar_fault_.get() == LidarFault::kNan) {

@@ -5,17 +5,19 @@
 #include <cstdio>
 #include <ctime>
 #include <deque>
-#include <limits>
 #include <map>
 #include <optional>
 #include <random>
 
+#include "common/scalar.h"
 #include "modules/control/tracker.h"
 
 namespace motion_planning {
 namespace {
 
-constexpr double kStep_s = 0.1;
+using ads::outside;
+
+constexpr double kScenarioStep_s = 0.1;
 
 // The thread's own time: what other programs of the machine do is not counted.
 double cpu_ms() {
@@ -225,11 +227,13 @@ ads::ScenarioState perceived(const ads::Obstacle& obstacle, ads::ScenarioState s
   if (errors.size() > 0.0) {
     const auto key = static_cast<std::uint64_t>(obstacle.id) * 8;
     const Eigen::Vector2d ahead = ads::direction(state.heading_rad);
-    state.position_m += (errors.draw(0.05) + errors.wander(key, 0.15, 1.0, kStep_s)) * ahead;
     state.position_m +=
-        (errors.draw(0.05) + errors.wander(key + 1, 0.1, 1.0, kStep_s)) * ads::left_of(ahead);
-    state.speed_mps = std::max(0.0, state.speed_mps + errors.wander(key + 2, 0.4, 0.4, kStep_s));
-    state.heading_rad += errors.wander(key + 3, 0.02, 0.4, kStep_s);
+        (errors.draw(0.05) + errors.wander(key, 0.15, 1.0, kScenarioStep_s)) * ahead;
+    state.position_m += (errors.draw(0.05) + errors.wander(key + 1, 0.1, 1.0, kScenarioStep_s)) *
+                        ads::left_of(ahead);
+    state.speed_mps =
+        std::max(0.0, state.speed_mps + errors.wander(key + 2, 0.4, 0.4, kScenarioStep_s));
+    state.heading_rad += errors.wander(key + 3, 0.02, 0.4, kScenarioStep_s);
   }
   return state;
 }
@@ -238,7 +242,7 @@ std::vector<TrafficObject> foresee(const DriveCase& drive, std::int64_t step, co
                                    const DriveOptions& options, Errors& errors) {
   std::vector<TrafficObject> objects;
   const std::int64_t seen = std::max<std::int64_t>(0, step - options.delay_steps);
-  const double first_s = -kStep_s * static_cast<double>(step - seen);
+  const double first_s = -kScenarioStep_s * static_cast<double>(step - seen);
   for (const ads::Obstacle& obstacle : drive.scenario->obstacles) {
     const ads::ScenarioState* now = state_at(obstacle, seen);
     if (obstacle.id == drive.replaced || now == nullptr) {
@@ -254,7 +258,7 @@ std::vector<TrafficObject> foresee(const DriveCase& drive, std::int64_t step, co
     if (options.foresight == Foresight::kConstantSpeed) {
       object.ways = lane_following(*drive.scenario, perceived(obstacle, *now, errors), first_s);
     } else {
-      PredictedWay way{.probability = 1.0, .first_s = first_s, .step_s = kStep_s};
+      PredictedWay way{.probability = 1.0, .first_s = first_s, .step_s = kScenarioStep_s};
       for (std::int64_t later = seen; const auto* state = state_at(obstacle, later); ++later) {
         way.states.push_back(predicted(*state));
         way.states.back().along_stddev_m = 0.1;
@@ -300,7 +304,7 @@ class SimulatedVehicle {
       }
       advance(now);
     }
-    const State wanted = plan.at(from_s + kStep_s);
+    const State wanted = plan.at(from_s + kScenarioStep_s);
     tracking_m_ = std::hypot(state_.x_m - wanted.x_m, state_.y_m - wanted.y_m);
   }
 
@@ -367,10 +371,6 @@ struct Miss {
   }
 };
 
-double outside(double value, double low, double high) {
-  return value < low ? value - low : (value > high ? value - high : 0.0);
-}
-
 Miss miss_of(const Goal& goal, const State& state) {
   const Eigen::Vector2d delta(state.x_m - goal.centre.x_m, state.y_m - goal.centre.y_m);
   const Eigen::Vector2d ahead = ads::direction(goal.centre.heading_rad);
@@ -409,8 +409,8 @@ DriveCase given_case(const ads::Scenario& scenario) {
   if (goal.speed_mps) {
     drive.goal.speed_mps = {goal.speed_mps->low, goal.speed_mps->high};
   }
-  drive.goal.time_s = {kStep_s * static_cast<double>(goal.first_step),
-                       kStep_s * static_cast<double>(goal.last_step)};
+  drive.goal.time_s = {kScenarioStep_s * static_cast<double>(goal.first_step),
+                       kScenarioStep_s * static_cast<double>(goal.last_step)};
   return drive;
 }
 
@@ -445,8 +445,8 @@ std::vector<DriveCase> recorded_cases(const ads::Scenario& scenario) {
                     .half_width_m = 0.85,
                     .heading_rad = {to.heading_rad - 0.0873, to.heading_rad + 0.0873},
                     .speed_mps = {std::max(0.0, to.speed_mps - 3.0), to.speed_mps + 3.0},
-                    .time_s = {kStep_s * static_cast<double>(last - first - 10),
-                               kStep_s * static_cast<double>(last - first)}};
+                    .time_s = {kScenarioStep_s * static_cast<double>(last - first - 10),
+                               kScenarioStep_s * static_cast<double>(last - first)}};
       cases.push_back(drive);
     }
   }
@@ -588,10 +588,11 @@ DriveResult drive_through(const DriveCase& drive, const PlannerConfig& config,
   State ego = drive.initial;
   SimulatedVehicle simulated(config.vehicle, ego);
   Errors errors(options.noise, options.seed);
-  const auto end = static_cast<std::int64_t>(std::llround(drive.goal.time_s.high / kStep_s));
+  const auto end =
+      static_cast<std::int64_t>(std::llround(drive.goal.time_s.high / kScenarioStep_s));
   int cycles = 0;
   for (std::int64_t step = 0; step <= end; ++step) {
-    const double now = kStep_s * static_cast<double>(step);
+    const double now = kScenarioStep_s * static_cast<double>(step);
     const std::int64_t world_step = drive.first_step + step;
     for (const ads::Obstacle& obstacle : drive.scenario->obstacles) {
       const ads::ScenarioState* state = state_at(obstacle, world_step);
@@ -679,7 +680,7 @@ DriveResult drive_through(const DriveCase& drive, const PlannerConfig& config,
       ego = simulated.state();
       result.tracking_max_m = std::max(result.tracking_max_m, simulated.tracking_m());
     } else {
-      ego = plan.nominal.at(now + kStep_s);
+      ego = plan.nominal.at(now + kScenarioStep_s);
     }
     result.acceleration_min_mps2 = std::min(result.acceleration_min_mps2, ego.acceleration_mps2);
     result.acceleration_max_mps2 = std::max(result.acceleration_max_mps2, ego.acceleration_mps2);
@@ -687,7 +688,7 @@ DriveResult drive_through(const DriveCase& drive, const PlannerConfig& config,
         std::max(result.lateral_max_mps2, std::abs(ego.speed_mps * yaw_rate(config.vehicle, ego)));
     result.jerk_max_mps3 =
         std::max(result.jerk_max_mps3,
-                 std::abs(ego.acceleration_mps2 - before_step.acceleration_mps2) / kStep_s);
+                 std::abs(ego.acceleration_mps2 - before_step.acceleration_mps2) / kScenarioStep_s);
   }
   result.collided = result.smallest_gap_m <= 0.0;
   result.time_mean_ms /= std::max(1, cycles);
