@@ -111,7 +111,7 @@ def number(value, unit):
 
 
 def table(rows):
-    lines = ["| Component | Fault | Noticed after | as | Stop begins after | Smallest gap | End |", "|---|---|---|---|---|---|---|"]
+    lines = [["Component", "Fault", "Noticed after", "as", "Stop begins after", "Smallest gap", "End"]]
     for row in rows:
         if row["noticed_as"] is None:
             noticed = "–"
@@ -120,8 +120,10 @@ def table(rows):
         touched = " **touched**" if row["collisions"] else ""
         cells = [row["component"], row["fault"], number(row["noticed_after_s"], "s"), noticed,
                  number(row["stop_begins_after_s"], "s"), number(row["smallest_gap_m"], "m") + touched, in_short(row)]  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        lines.append(cells)
+    widths = [max(len(cells[column]) for cells in lines) for column in range(len(lines[0]))]
+    lines.insert(1, ["-" * width for width in widths])
+    return "\n".join("| " + " | ".join(cell.ljust(width) for cell, width in zip(cells, widths)) + " |" for cells in lines)
 
 
 def main():
