@@ -1395,6 +1395,16 @@ TEST_F(ComponentsInProcesses, SayWhatDoesNotGoWithThem) {
   EXPECT_EQ(standby.wait().exit_code, 2);
   EXPECT_THAT(standby.errors(),
               HasSubstr("process \"relaying\" is not trusted, and \"relaying.standby\" follows"));
+
+  test::ProcessOptions words = options(
+      application(R"("process": "relaying")",
+                  R"("processes": [{"name": "relaying", "trusted": false, "standby": true}], )"));
+  words.arguments = {"check", words.arguments[1]};
+  Process check(words);
+
+  EXPECT_EQ(check.wait().exit_code, 2);
+  EXPECT_THAT(check.errors(),
+              HasSubstr("process \"relaying\" is not trusted, and \"relaying.standby\" follows"));
 }
 
 }  // namespace

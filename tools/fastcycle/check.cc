@@ -23,11 +23,13 @@
 #include "estimate/read_timing.h"
 #include "estimate/system_of.h"
 #include "estimate/text.h"
+#include "host/application_wiring.h"
 #include "loading/component_library.h"
 #include "loading/library_imports.h"
 #include "loading/pinned_libraries.h"
 #include "option_values.h"
 #include "print.h"
+#include "processes/process_plan.h"
 
 namespace fastcycle::tool {
 namespace {
@@ -135,13 +137,27 @@ std::string print_pins(const config::ApplicationDescription& description,
   return {};
 }
 
+/// Adds why the application cannot run in its processes.
+void check_processes(const config::ApplicationDescription& description,
+                     const host::TrialResult& tried, config::Problems& problems) {
+  if (problems.has_errors() || (description.processes.empty() && description.shadows.empty())) {
+    return;
+  }
+  const processes::ProcessPlan plan(description, host::wiring_from_text(tried.wiring), {});
+  if (plan.problem()) {
+    problems.add(config::make_error({}, *plan.problem()));
+  }
+}
+
 int check(const CheckOptions& options) {
   if (!options.timing.empty()) {
     return estimate(options);
   }
   config::Problems problems;
-  const config::ApplicationDescription description =
-      options.configuration.read(host::ConstructorFault::kError, problems);
+  host::TrialResult tried;
+  const config::ApplicationDescription description = options.configuration.read(
+      host::ConstructorFault::kError, problems, Configuration::TrialWarnings::kReported, &tried);
+  check_processes(description, tried, problems);
   const host::LibraryLoader libraries(
       host::library_folders(description, options.configuration.library_path));
   host::warn_of_imports(description, libraries, problems);
