@@ -25,6 +25,7 @@ namespace {
 
 using nlohmann::json;
 using test::Process;
+using testing::ContainsRegex;
 using testing::HasSubstr;
 using testing::Not;
 using namespace std::chrono_literals;
@@ -1123,6 +1124,8 @@ TEST_F(ComponentsInProcesses, AreShownAndSteeredByTools) {
   ASSERT_EQ(relay()["callbacks"].size(), 1) << relay();
   EXPECT_EQ(relay()["callbacks"][0]["name"], "readings");
   EXPECT_GT(relay()["callbacks"][0]["time_us"]["p50"], 0.0);
+  EXPECT_THAT(tool({"component", "list"}).second, ContainsRegex("relay .* relaying *\n"));
+  EXPECT_THAT(tool({"component", "info", "relay"}).second, ContainsRegex("process +relaying\n"));
 
   const auto gain = [&] {
     for (const json& param : json::parse(tool({"param", "list", "relay", "--json"}).second)) {

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdint>
@@ -68,6 +69,12 @@ int list_components(const Target& target) {
   std::vector<std::vector<std::string>> rows{{"component", "state", "executor", "activations",
                                               "CPU", "p50", "p99", "max", "queued", "faults",
                                               "health", "library"}};
+  const bool has_processes = std::ranges::any_of(
+      overview.components(),
+      [](const protocol::Component& component) { return !component.process().empty(); });
+  if (has_processes) {
+    rows.front().emplace_back("process");
+  }
   Json json = Json::array();
   for (const protocol::Component& component : overview.components()) {
     const protocol::Histogram& callback = component.callback();
@@ -79,6 +86,9 @@ int list_components(const Target& target) {
          span_or_none(callback, callback.max_ns()), fmt::format("{}", component.queued()),
          fmt::format("{}", component.faults()), health_text(component),
          component.library() + (component.is_on_probation() ? " (on probation)" : "")});
+    if (has_processes) {
+      rows.back().push_back(component.process().empty() ? "-" : component.process());
+    }
     json.push_back(json_of(component));
   }
   return target.is_json ? print_json(json) : print_text(table_text(rows));
@@ -168,6 +178,9 @@ std::string info_text(const protocol::Component& component, const protocol::Over
       {"health", health_text(component)},
       {"activations", count_text(component.activations(), "activation") + ", " +
                           cpu_text(component, overview) + " of a CPU"}};
+  if (!component.process().empty()) {
+    rows.insert(rows.begin() + 3, {"process", component.process()});
+  }
   add_histogram(rows, "callback", component.callback());
   add_histogram(rows, "lateness", component.lateness());
   rows.push_back({"waiting", count_text(component.queued(), "message")});
