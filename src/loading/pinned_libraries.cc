@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
+#include <thread>
 #include <utility>
 
 #include <dlfcn.h>
@@ -116,13 +118,25 @@ bool is_library_loaded(const std::string& name) {
   return handle != nullptr;
 }
 
+bool seal(int file) {
+  constexpr int kAttempts = 20;
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    if (::fcntl(file, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) == 0) {
+      return true;
+    }
+    if (errno != EBUSY) {
+      return false;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
 SealedCopy seal_copy(const std::string& name, const fs::path& file) {
   const File original(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   File copy(::memfd_create(name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (original.descriptor() < 0 || copy.descriptor() < 0 ||
-      copy_and_sum(original.descriptor(), copy.descriptor()).empty() ||
-      ::fcntl(copy.descriptor(), F_ADD_SEALS,
-              F_SEAL_WRITE | F_SEAL_GROW | F_SEAL_SHRINK | F_SEAL_SEAL) != 0 ||
+      copy_and_sum(original.descriptor(), copy.descriptor()).empty() || !seal(copy.descriptor()) ||
       ::lseek(copy.descriptor(), 0, SEEK_SET) != 0) {
     return {};
   }

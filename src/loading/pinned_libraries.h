@@ -26,6 +26,11 @@ struct NeededLibrary {
 /// Whether the process has loaded a library of this name, as its users list it.
 [[nodiscard]] bool is_library_loaded(const std::string& name);
 
+/// Seals a file in memory: nothing can write to it from then on. As long as the kernel holds one of
+/// its pages, for example while it looks for memory to reclaim, it answers EBUSY after 150 ms; this
+/// waits for up to some seconds. False, with `errno`: it is not sealed.
+[[nodiscard]] bool seal(int file);
+
 /// A copy of a file in sealed memory. Its descriptor stays open as long as it is loaded, so that
 /// its path is not reused for another library.
 struct SealedCopy {

@@ -1,12 +1,18 @@
 #include "loading/pinned_libraries.h"
 
+#include <cerrno>
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <thread>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 namespace fastcycle::host {
 namespace {
@@ -61,6 +67,32 @@ TEST_F(APinnedLibrary, IsLookedAtBeforeItIsLoaded) {
 
   // With the right one it comes to the loader, which finds that it is none.
   EXPECT_THAT(problem_with("abc", kSumOfAbc), HasSubstr("cannot be loaded"));
+}
+
+TEST(AFileInMemory, IsSealedOnceTheKernelHoldsNoneOfItsPagesAnyMore) {
+  const int file = memfd_create("pages", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+  int ends[2] = {};
+  ASSERT_EQ(pipe2(ends, O_CLOEXEC), 0);
+  ASSERT_EQ(write(file, "page", 4), 4);
+  loff_t offset = 0;
+  ASSERT_EQ(splice(file, &offset, ends[1], nullptr, 4, 0), 4);  // The pipe holds the page now.
+  if (fcntl(file, F_ADD_SEALS, F_SEAL_WRITE) == 0) {
+    GTEST_SKIP() << "this kernel copies what is spliced";
+  }
+  ASSERT_EQ(errno, EBUSY);
+
+  std::thread reader([end = ends[0]] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    char text[4];
+    EXPECT_EQ(read(end, text, 4), 4);
+  });
+  EXPECT_TRUE(seal(file));
+  reader.join();
+
+  EXPECT_NE(fcntl(file, F_GET_SEALS) & F_SEAL_WRITE, 0);
+  close(file);
+  close(ends[0]);
+  close(ends[1]);
 }
 
 TEST_F(APinnedLibrary, MustBeNamed) {
