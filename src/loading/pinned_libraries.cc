@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
-#include <thread>
 #include <utility>
 
 #include <dlfcn.h>
@@ -127,7 +125,6 @@ bool seal(int file) {
     if (errno != EBUSY) {
       return false;
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   return false;
 }

@@ -82,7 +82,7 @@ TEST(AFileInMemory, IsSealedOnceTheKernelHoldsNoneOfItsPagesAnyMore) {
   ASSERT_EQ(errno, EBUSY);
 
   std::thread reader([end = ends[0]] {
-    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));  // Longer than the kernel waits.
     char text[4];
     EXPECT_EQ(read(end, text, 4), 4);
   });
