@@ -27,15 +27,15 @@ function(fastcycle_install_library target)
           COMPONENT library NAMELINK_COMPONENT development)
 endfunction()
 
-# fastcycle_library(<name> SOURCES ... [DEPENDS ...] [LINK ...] [PRECOMPILE <header> ...]
-#                   [TESTS ... [TEST_DEPENDS ...] [TEST_LINK ...]])
+# fastcycle_library(<name> SOURCES ... [NOT_IN_FIRST_DRIVE <source> ...] [DEPENDS ...] [LINK ...] [DEFINE <macro> ...]
+#                   [PRECOMPILE <header> ...] [TESTS ... [TEST_DEPENDS ...] [TEST_LINK ...]])
 #
 # Makes src/<name> a part of libfastcycle.so, and its tests the program fastcycle_<name>_test. DEPENDS
 # names the libraries of src/ whose headers it may include (scripts/check_includes.py sees to it), LINK
 # the targets of other projects it needs, PRECOMPILE large headers that most of its files include. Its
 # tests may need more: TEST_DEPENDS names libraries of src/ that may come after it, TEST_LINK targets.
 function(fastcycle_library name)
-  cmake_parse_arguments(PARSE_ARGV 1 LIB "" "" "SOURCES;DEPENDS;LINK;PRECOMPILE;TESTS;TEST_DEPENDS;TEST_LINK")
+  cmake_parse_arguments(PARSE_ARGV 1 LIB "" "" "SOURCES;NOT_IN_FIRST_DRIVE;DEPENDS;LINK;DEFINE;PRECOMPILE;TESTS;TEST_DEPENDS;TEST_LINK")
   if(LIB_UNPARSED_ARGUMENTS)
     message(FATAL_ERROR "fastcycle_library(${name}): cannot read '${LIB_UNPARSED_ARGUMENTS}'.")
   endif()
@@ -46,11 +46,15 @@ function(fastcycle_library name)
     endif()
   endforeach()
 
+  if(NOT FASTCYCLE_FIRST_DRIVE)
+    list(APPEND LIB_SOURCES ${LIB_NOT_IN_FIRST_DRIVE})
+  endif()
   target_link_libraries(fastcycle PRIVATE ${LIB_LINK})
   if(FASTCYCLE_FIRST_DRIVE AND FASTCYCLE_${name}_IS_COMPILED_WITH)
     set(carrier fastcycle_${FASTCYCLE_${name}_IS_COMPILED_WITH})
     target_sources(${carrier} PRIVATE ${LIB_SOURCES})
     target_link_libraries(${carrier} PRIVATE ${LIB_LINK})
+    target_compile_definitions(${carrier} PRIVATE ${LIB_DEFINE})
     add_library(fastcycle_${name} INTERFACE)
     return()
   endif()
@@ -59,6 +63,7 @@ function(fastcycle_library name)
   set_target_properties(fastcycle_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON
     INTERPROCEDURAL_OPTIMIZATION "${FASTCYCLE_LTO}")
   target_compile_options(fastcycle_${name} PRIVATE ${FASTCYCLE_WARNINGS} -fno-semantic-interposition)
+  target_compile_definitions(fastcycle_${name} PRIVATE ${LIB_DEFINE})
   fastcycle_join(fastcycle_${name})
   target_include_directories(fastcycle_${name} PRIVATE
     ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/src)

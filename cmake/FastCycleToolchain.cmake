@@ -18,6 +18,7 @@ if(FASTCYCLE_FIRST_DRIVE)
   foreach(library component calls modes replay standby)
     set(FASTCYCLE_${library}_IS_COMPILED_WITH params)
   endforeach()
+  set(FASTCYCLE_loading_IS_COMPILED_WITH config)
   set(FASTCYCLE_processes_IS_COMPILED_WITH report)
 endif()
 
@@ -31,9 +32,17 @@ if(CCACHE_PROGRAM AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   endif()
 endif()
 
-# The garbage collector of GCC takes an eighth of the compile time. Here it starts at 500 MB of a process, not at 128 MB.
+# The garbage collector of GCC takes an eighth of the compile time. Here it starts at 500 MB of a process, not at 128 MB;
+# for the large files of a first drive at 2 GB, if the machine has as much for each CPU.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  add_compile_options("SHELL:--param ggc-min-heapsize=500000")
+  set(heap_kb 500000)
+  cmake_host_system_information(RESULT memory_mb QUERY TOTAL_PHYSICAL_MEMORY)
+  cmake_host_system_information(RESULT cpus QUERY NUMBER_OF_LOGICAL_CORES)
+  math(EXPR mb_of_cpu "${memory_mb} / ${cpus}")
+  if(FASTCYCLE_FIRST_DRIVE AND mb_of_cpu GREATER 2000)
+    set(heap_kb 2000000)
+  endif()
+  add_compile_options("SHELL:--param ggc-min-heapsize=${heap_kb}")
 endif()
 
 # Optimizes a target that computes much in every build; a Release build says itself how far. Headers that were

@@ -23,6 +23,7 @@ def expect(done, code, text):
 expect(run("top"), 2, "only the commands for a first drive")
 for option in (["--live"], ["--inspect"], ["--trace", "run.pftrace"]):
     expect(run("run", APPLICATION, *option), 2, "this build has no --inspect, --live and --trace")
+expect(run("run", APPLICATION, "--isolate", "all"), 2, "this build runs all components in one process")
 expect(run("graph", "--live"), 2, "application is required")
 with tempfile.TemporaryDirectory() as folder:
     log = pathlib.Path(folder) / "drive.mcap"
