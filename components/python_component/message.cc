@@ -615,7 +615,7 @@ const FieldDescriptor* find_field(const TypeInfo& info, PyObject* name) {
   return place == nullptr ? nullptr : info.type.field(static_cast<int>(PyLong_AsLong(place)));
 }
 
-const FieldDescriptor& field_named(const TypeInfo& info, const py::handle& name, PyObject* kind) {
+const FieldDescriptor& field_named(const TypeInfo& info, py::handle name, PyObject* kind) {
   const FieldDescriptor* const found =
       PyUnicode_Check(name.ptr()) ? find_field(info, name.ptr()) : nullptr;
   if (found == nullptr) {
